@@ -26,9 +26,9 @@ DriveReader::DriveReader(std::unique_ptr<ImageSource> source, Calibration calibr
       calibration_(std::move(calibration)),
       options_(options),
       stamp_filter_(
-          StampGuard(StampGuard::kDefaultClockJump, source_->zeroIsUnset() && options.fps == 0,
-                     StampGuard::kHoldIntervalsOfFiles),
-          [this](const std::string& reason) { loseOldestWaiting(reason); }) {
+          StampFilter::kDefaultClockJump,
+          [this](const std::string& reason) { loseOldestWaiting(reason); },
+          source_->zeroIsUnset() && options.fps == 0, StampFilter::kHoldIntervalsOfFiles) {
   startLoading();
   for (;;) {
     Stored stored = load();
@@ -134,10 +134,10 @@ void DriveReader::add(const Stored& stored) {
   }
   entry->is_decided = false;
   waiting_.push_back(entry);
-  for (const auto& accepted : stamp_filter_.filter(entry->image.stamp_ns, entry)) {
+  stamp_filter_.add(entry->image.stamp_ns, [this, entry](bool clock_jumped_back) {
     waiting_.pop_front();
-    use(accepted.message, accepted.clock_jumped_back);
-  }
+    use(entry, clock_jumped_back);
+  });
 }
 
 void DriveReader::end(const std::string& error) {

@@ -67,7 +67,7 @@ class MonoVoNodelet : public StageNodelet {
   std::deque<sensor_msgs::ImageConstPtr> images_;
   std::uint64_t dropped_from_queue_ = 0;
   bool processing_scheduled_ = false;
-  std::unique_ptr<StampFilter<GreyImage>> stamp_filter_;
+  std::unique_ptr<StampFilter> stamp_filter_;
 
   std::unique_ptr<SelfCalibratingOdometry> odometry_;  ///< null: the next image starts one
   std::shared_ptr<const CameraCalibration> odometry_camera_;
@@ -81,7 +81,7 @@ class MonoVoNodelet : public StageNodelet {
 
 void MonoVoNodelet::start(ros::NodeHandle& handle, ros::NodeHandle& private_handle) {
   params_ = loadParams<MonoVoParams>(private_handle);
-  stamp_filter_ = std::make_unique<StampFilter<GreyImage>>(
+  stamp_filter_ = std::make_unique<StampFilter>(
       params_.clock_jump_s,
       [this](const std::string& reason) { log_->drop("image stamp", withMissingClock(reason)); });
   receiver_ = std::make_unique<ImageReceiver>(
@@ -151,16 +151,15 @@ void MonoVoNodelet::scheduleProcessing() {
 }
 
 void MonoVoNodelet::processOldest() {
-  const Stopwatch watch;
   const sensor_msgs::ImageConstPtr image = images_.front();
   images_.pop_front();
-  const cv::Mat grey = receiver_->grey(*image);
-  if (grey.empty()) return;
-  for (const auto& accepted : stamp_filter_->filter(toNanoseconds(image->header.stamp),
-                                                    {image, grey, receiver_->camera()})) {
-    process(accepted.message, accepted.clock_jumped_back);
+  const GreyImage grey{image, receiver_->grey(*image), receiver_->camera()};
+  if (grey.grey.empty()) return;
+  stamp_filter_->add(toNanoseconds(image->header.stamp), [=](bool clock_jumped_back) {
+    const Stopwatch watch;  // an image may have been held since it arrived
+    process(grey, clock_jumped_back);
     countFrame(watch);
-  }
+  });
 }
 
 void MonoVoNodelet::process(const GreyImage& image, bool clock_jumped_back) {

@@ -102,7 +102,7 @@ class ScaleRecoveryNodelet : public StageNodelet {
   ros::WallTimer waiting_timer_;
   ros::Subscriber frame_subscriber_;
   InputWatch frame_watch_{"vo/frame"};
-  std::unique_ptr<StampFilter<ReceivedFrame>> stamp_filter_;
+  std::unique_ptr<StampFilter> stamp_filter_;
   FrameContinuity continuity_;
   Continuity unprocessed_ = Continuity::kSameMap;  ///< of the last frame, if its processing failed
   ros::Subscriber speed_subscriber_;               ///< with use_speed
@@ -138,7 +138,7 @@ class ScaleRecoveryNodelet : public StageNodelet {
 void ScaleRecoveryNodelet::start(ros::NodeHandle& handle, ros::NodeHandle& private_handle) {
   params_ = loadParams<ScaleRecoveryParams>(private_handle);
   recovery_ = std::make_unique<ScaleRecovery>(params_.scale);
-  stamp_filter_ = std::make_unique<StampFilter<ReceivedFrame>>(
+  stamp_filter_ = std::make_unique<StampFilter>(
       params_.clock_jump_s,
       [this](const std::string& reason) { log_->drop("frame stamp", withMissingClock(reason)); });
   synchronizer_ = std::make_unique<Synchronizer>(imageBuffer(params_));
@@ -217,8 +217,7 @@ void ScaleRecoveryNodelet::onFrame(const VoFrameMsg::ConstPtr& msg) {
     log_->drop("frame refused", error.what());
     return;
   }
-  for (auto& [frame, clock_jumped_back] :
-       stamp_filter_->filter(toNanoseconds(msg->header.stamp), std::move(received))) {
+  const auto accept = [this, frame = std::move(received)](bool clock_jumped_back) mutable {
     frame.clock_jumped_back = clock_jumped_back;
     const std::string reason = continuity_.next(frame.vo, frame.header.frame_id, clock_jumped_back);
     if (!reason.empty()) {
@@ -230,7 +229,8 @@ void ScaleRecoveryNodelet::onFrame(const VoFrameMsg::ConstPtr& msg) {
       synchronizer_->jumpBack(stamp_ns);
     }
     synchronizer_->addFrame(stamp_ns, std::move(frame), Synchronizer::Clock::now());
-  }
+  };
+  stamp_filter_->add(toNanoseconds(msg->header.stamp), accept);
   processReady();
 }
 

@@ -42,7 +42,7 @@ class MonoVo {
     } catch (const DataError&) {
       return;
     }
-    const Process process = [=, header = image.header](bool clock_jumped_back) {
+    const StampFilter::Process process = [=, header = image.header](bool clock_jumped_back) {
       if (!odometry_ || camera_ != camera || clock_jumped_back) {
         camera_ = camera;
         odometry_ =
@@ -55,16 +55,12 @@ class MonoVo {
       toPointCloud(output.frame, header);
       painter_.paint(output.image, output.frame, output.rejected, header);
     };
-    for (const auto& accepted : filter_.filter(toNanoseconds(image.header.stamp), process)) {
-      accepted.message(accepted.clock_jumped_back);
-    }
+    filter_.add(toNanoseconds(image.header.stamp), process);
   }
 
  private:
-  using Process = std::function<void(bool clock_jumped_back)>;
-
   CameraInput input_;
-  StampFilter<Process> filter_{1.0, [](const std::string&) {}};
+  StampFilter filter_{1.0, [](const std::string&) {}};
   std::shared_ptr<const CameraCalibration> camera_;
   std::unique_ptr<SelfCalibratingOdometry> odometry_;
   TrackPainter painter_;

@@ -50,7 +50,7 @@ class Scale {
     } catch (const MessageError&) {
       return;
     }
-    const Process process = [=, header = message.header](bool clock_jumped_back) {
+    const StampFilter::Process process = [=, header = message.header](bool clock_jumped_back) {
       if (clock_jumped_back) recovery_.reset();
       const bool fits = image.cols == frame.camera.width && image.rows == frame.camera.height;
       const auto output = recovery_.process(frame, fits ? image : cv::Mat());
@@ -65,16 +65,12 @@ class Scale {
       if (!hasGroundPlane(output.scale)) return;
       require(isPose(toPlaneMarker(output.scale, header)->pose), "the pose of the marker is valid");
     };
-    for (const auto& accepted : filter_.filter(toNanoseconds(message.header.stamp), process)) {
-      accepted.message(accepted.clock_jumped_back);
-    }
+    filter_.add(toNanoseconds(message.header.stamp), process);
   }
 
  private:
-  using Process = std::function<void(bool clock_jumped_back)>;
-
   ScaleRecovery recovery_;
-  StampFilter<Process> filter_{1.0, [](const std::string&) {}};
+  StampFilter filter_{1.0, [](const std::string&) {}};
 };
 
 /// Changes one property of the message, or the geometry of all features.

@@ -123,7 +123,7 @@ class DriveReader {
   CameraCalibration camera_;
   cv::Mat mask_;
   GreyConverter grey_converter_;
-  StampFilter<EntryPtr> stamp_filter_;
+  StampFilter stamp_filter_;
   std::deque<EntryPtr> entries_;  ///< not yet returned
   std::deque<EntryPtr> waiting_;  ///< those in stamp_filter_
   EntryPtr first_used_;           ///< the first image, while it waits for the second

@@ -182,8 +182,7 @@ void MonoVoNodelet::startOdometry(const GreyImage& image, bool clock_jumped_back
   }
   if (odometry_ && reason.empty()) return;
   if (odometry_) NODELET_WARN_STREAM(getName() << ": the odometry is reset: " << reason);
-  odometry_.reset();
-  last_frame_.reset();
+  reset();
   odometry_ =
       std::make_unique<SelfCalibratingOdometry>(*image.camera, params_.odometry, receiver_->mask());
   odometry_camera_ = image.camera;

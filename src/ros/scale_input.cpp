@@ -79,7 +79,7 @@ std::string FrameContinuity::next(VoFrame& frame, const std::string& camera_fram
   if (!map_id_) {
     frame.continuity = Continuity::kNewTrajectory;
   } else if (frame.status == VoStatus::kLost) {
-    return reason;  // it tells nothing about the map
+    return reason;  // it belongs to no map
   } else if (frame.map_id != *map_id_) {
     frame.continuity = Continuity::kNewMap;
   } else if (!isSameCamera(frame.camera, camera_)) {

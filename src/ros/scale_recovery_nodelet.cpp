@@ -79,7 +79,8 @@ class ScaleRecoveryNodelet : public StageNodelet {
   void process(ReceivedFrame received, const sensor_msgs::ImageConstPtr& image);
   /// Grey, with the mask of its stamp. Empty if there is none, or it cannot be used.
   CameraImage imageOf(const VoFrame& frame, const sensor_msgs::ImageConstPtr& image);
-  /// A new trajectory with an unknown scale.
+  /// Forgets what was published and reported of the trajectory; recovery_ restarts by itself, with
+  /// the next frame.
   void restart(bool first_pose_is_zero);
 
   void publish(const ScaleRecovery::Output& output, const VoFrame& frame, const CameraImage& image,
@@ -176,7 +177,6 @@ std::string ScaleRecoveryNodelet::reset() {
 }
 
 void ScaleRecoveryNodelet::restart(bool first_pose_is_zero) {
-  recovery_->reset();
   output_->restart(first_pose_is_zero);
   report_ = Report();
 }
@@ -217,7 +217,7 @@ void ScaleRecoveryNodelet::onFrame(const VoFrameMsg::ConstPtr& msg) {
     log_->drop("frame refused", error.what());
     return;
   }
-  const auto accept = [this, frame = std::move(received)](bool clock_jumped_back) mutable {
+  auto accept = [this, frame = std::move(received)](bool clock_jumped_back) mutable {
     frame.clock_jumped_back = clock_jumped_back;
     const std::string reason = continuity_.next(frame.vo, frame.header.frame_id, clock_jumped_back);
     if (!reason.empty()) {
@@ -230,7 +230,7 @@ void ScaleRecoveryNodelet::onFrame(const VoFrameMsg::ConstPtr& msg) {
     }
     synchronizer_->addFrame(stamp_ns, std::move(frame), Synchronizer::Clock::now());
   };
-  stamp_filter_->add(toNanoseconds(msg->header.stamp), accept);
+  stamp_filter_->add(toNanoseconds(msg->header.stamp), std::move(accept));
   processReady();
 }
 

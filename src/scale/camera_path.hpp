@@ -41,7 +41,7 @@ class CameraPath {
     RoadImage road;
   };
 
-  /// Appends a pose of the same map, and returns it for what this frame tells.
+  /// Appends a pose of the same map, and returns it for the measurements of its frame.
   Pose& add(const StampedPose& pose);
   /// Keeps the image for the newest pose, and releases the images that no later frame needs as a
   /// reference: those of another setting, the oldest, and of the two before the newest the later

@@ -11,7 +11,7 @@
 namespace ground_scale_vo {
 
 /// The Kalman filter of ScaleFilter: a random walk of ln h, the height of the camera in VO units,
-/// and what tells apart the heights that are measured. With a given camera height h* [m] and no
+/// and the offsets of the measured heights from it. With a given camera height h* [m] and no
 /// speeds, ln h* and the factor of the speeds are constant.
 class HeightState {
  public:
@@ -59,7 +59,7 @@ class HeightState {
   static Vector speedJacobian();
   double speedInnovation(double log_scale) const;
   /// Relative standard deviation of h*/h. nis_scale: factor on the variance. The NIS of planes
-  /// tells nothing about the camera height and the factor of the speeds, so what these contribute
+  /// contains nothing of the camera height and the factor of the speeds, so what these contribute
   /// is not scaled.
   double scaleSigma(double nis_scale) const;
 

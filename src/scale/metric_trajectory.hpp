@@ -25,7 +25,7 @@ class MetricTrajectory {
   explicit MetricTrajectory(const Options& options) : options_(options) {}
 
   /// Appends one frame. Call it for every frame, also without a pose or a scale. Empty while
-  /// scale.status is kUnknown or the frame is not tracking, when scale.measurement tells that its
+  /// scale.status is kUnknown or the frame is not tracking, when scale.measurement says that its
   /// pose is not used (kVoNotTracking, kImplausibleMotion), and for an increment without a finite
   /// result, which is skipped.
   /// continuity: as decided by ScaleRecovery. A map that it starts in the middle of the odometry's

@@ -185,7 +185,7 @@ bool ScaleRecovery::Impl::updateFilter(Output* output) {
   return any_accepted;
 }
 
-/// What the latest piece of the path with speeds tells.
+/// Updates the filter with the latest piece of the path that the speeds cover.
 void ScaleRecovery::Impl::measureSpeed(Output* output) {
   const std::optional<PathSpeed::Piece> piece = path_speed.measure(map.path, filter.scale());
   if (!piece) return;
@@ -275,16 +275,14 @@ ScaleRecovery::~ScaleRecovery() = default;
 
 void ScaleRecovery::addSpeed(const SpeedSample& speed) { impl_->path_speed.add(speed); }
 
-void ScaleRecovery::reset() { impl_ = std::make_unique<Impl>(impl_->options); }
-
 ScaleRecovery::Output ScaleRecovery::process(const VoFrame& frame, const cv::Mat& image,
                                              const cv::Mat& mask) {
   const Stopwatch watch;
   if (!image.empty()) requireImage(image, frame.camera);
   requireMask(mask, frame.camera);
-  if (frame.continuity == Continuity::kNewTrajectory && frame.status != VoStatus::kLost &&
-      impl_->has_started) {
-    reset();
+  // The speeds before the first frame are kept.
+  if (frame.continuity == Continuity::kNewTrajectory && impl_->has_started) {
+    impl_ = std::make_unique<Impl>(impl_->options);
   }
   impl_->has_started = true;
   Output output = impl_->process(frame, image, mask);

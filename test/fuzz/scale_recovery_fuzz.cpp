@@ -50,8 +50,9 @@ class Scale {
     } catch (const MessageError&) {
       return;
     }
-    const StampFilter::Process process = [=, header = message.header](bool clock_jumped_back) {
-      if (clock_jumped_back) recovery_.reset();
+    const StampFilter::Process process = [=,
+                                          header = message.header](bool clock_jumped_back) mutable {
+      if (clock_jumped_back) frame.continuity = Continuity::kNewTrajectory;
       const bool fits = image.cols == frame.camera.width && image.rows == frame.camera.height;
       const auto output = recovery_.process(frame, fits ? image : cv::Mat());
       check(*toMsg(output.scale, frame.map_id, header));

@@ -316,7 +316,7 @@ TEST(ScaleRecovery, NewMapRestartsTheScaleAndContinuesTheOdometry) {
   const Eigen::Vector3d n_c = output.scale.n_c;
   VoFrame lost = scene.frame(40);
   lost.status = VoStatus::kLost;
-  lost.continuity = Continuity::kNewMap;  // a lost frame tells nothing
+  lost.continuity = Continuity::kNewMap;  // a lost frame belongs to no map
   output = recovery.process(lost);
   EXPECT_EQ(output.scale.status, ScaleStatus::kHeld);
   EXPECT_EQ(output.scale.measurement, MeasurementStatus::kVoNotTracking);
@@ -483,11 +483,14 @@ TEST(ScaleRecovery, AnImageOfAnotherSizeIsRefused) {
   EXPECT_THROW(recovery.process(scene.frame(0), image, cv::Mat(10, 10, CV_8U)), OptionError);
 }
 
-TEST(ScaleRecovery, IsDeterministicAndResetRestoresTheInitialState) {
+TEST(ScaleRecovery, IsDeterministicAndANewTrajectoryRestoresTheInitialState) {
   const RoadScene scene = pitchedRoad();
   ScaleRecovery a(recoveryOptions()), b(recoveryOptions());
   for (std::uint32_t i = 0; i < 30; ++i) b.process(scene.frame(i + 100));
-  b.reset();
+  VoFrame lost = scene.frame(0);
+  lost.status = VoStatus::kLost;
+  lost.continuity = Continuity::kNewTrajectory;
+  b.process(lost);
   const auto output_a = run(&a, scene, 50), output_b = run(&b, scene, 50);
   EXPECT_EQ(output_a.scale.raw_scale, output_b.scale.raw_scale);
   EXPECT_EQ(output_a.scale.scale, output_b.scale.scale);

@@ -85,9 +85,6 @@ class ScaleRecovery {
   /// One that is not finite or not in order is ignored.
   void addSpeed(const SpeedSample& speed);
 
-  /// Back to the state after construction.
-  void reset();
-
  private:
   struct Impl;
   std::unique_ptr<Impl> impl_;

@@ -76,7 +76,7 @@ struct VoFrame {
   std::uint32_t sequence = 0;  ///< number of the image, counted by the odometry from 0
   VoStatus status = VoStatus::kInitialising;
   std::uint32_t map_id = 0;  ///< increases by one with each new map; VO units differ between maps
-  Continuity continuity = Continuity::kSameMap;  ///< of a lost frame: not used
+  Continuity continuity = Continuity::kSameMap;  ///< of a lost frame kNewTrajectory or not used
   bool keyframe = false;
   PinholeCamera camera;
   /// Pose in the map's world frame, whose origin is the map's first frame (camera axes).

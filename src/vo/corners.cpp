@@ -9,7 +9,7 @@
 #include <optional>
 
 #include "common/vector_loop.hpp"
-#include "vo/patch_arithmetic.hpp"
+#include "vo/lucas_kanade.hpp"
 
 namespace ground_scale_vo {
 namespace {

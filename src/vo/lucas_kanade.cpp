@@ -2,10 +2,13 @@
 
 #include <Eigen/Dense>
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <opencv2/core/utility.hpp>
 #include <opencv2/imgproc.hpp>
 
-#include "common/parallel_loop.hpp"
 #include "common/vector_loop.hpp"
 
 namespace ground_scale_vo {
@@ -29,6 +32,184 @@ constexpr int kLevelsNearPrediction = 1;
 /// [px] largest distance after tracking forward and backward; correct tracks return to 0.1 px.
 constexpr double kMaxReturnError_px = 0.7;
 
+// Square patches in 16-bit integers. They are stored row by row in flat arrays; the loops run over
+// an array without regard to rows, so that the compiler vectorises them, and the gradients are zero
+// in the padding between rows. Sums of products are exact integers: the results do not depend on
+// the instruction set.
+//
+// Everything is inline, to become part of one GSV_VECTOR_LOOP: a patch has only seven chunks, and
+// calls would take longer than the arithmetic.
+
+constexpr int kGreyUnit = 32;      ///< value of one grey level
+constexpr int kGradientUnit = 16;  ///< value of one grey level per pixel
+
+/// [px] that gradients and interpolation between pixels need around a patch, both sides together.
+constexpr int kPatchBorder = 3;
+/// The loops process whole chunks: one or two vector registers.
+constexpr std::size_t kPatchChunk = 16;
+
+constexpr std::size_t wholeChunks(std::size_t count) {
+  return (count + kPatchChunk - 1) / kPatchChunk * kPatchChunk;
+}
+
+constexpr std::size_t kPatchStride = kTrackedSide + kPatchBorder;  ///< from a row to the next
+/// Elements of a patch with the padding, whole chunks.
+constexpr std::size_t kPatchCount = wholeChunks(kTrackedSide * kPatchStride);
+/// -1: pixel of the patch, 0: padding.
+constexpr std::array<std::int16_t, kPatchCount> kPatchMask = [] {
+  std::array<std::int16_t, kPatchCount> mask{};
+  for (std::size_t i = 0; i < kPatchCount; ++i) {
+    mask[i] = i % kPatchStride < kTrackedSide && i / kPatchStride < kTrackedSide ? -1 : 0;
+  }
+  return mask;
+}();
+
+/// Elements of a patch with a border, and what loops access beyond it.
+constexpr std::size_t kPatchElements = kPatchStride * kPatchStride + 2 * kPatchChunk;
+using PatchArray = std::array<std::int16_t, kPatchElements>;
+
+using Element = std::int16_t;
+
+/// Fractions of a pixel have 15 bits.
+constexpr float kFractionUnit = 1 << 15;
+Element fixedPoint(float fraction) { return static_cast<Element>(fraction * kFractionUnit); }
+
+// Their products are added in 32 bits: a difference of grey is at most 255 * kGreyUnit, a gradient
+// 127.5 * kGradientUnit.
+static_assert(kPatchCount * (255 * kGreyUnit) * (128 * kGradientUnit) < (std::size_t{1} << 31));
+
+/// The upper 16 bits of the product: rounds down.
+Element highHalf(Element a, Element b) {
+  return static_cast<Element>((static_cast<std::int32_t>(a) * b) >> 16);
+}
+
+/// p + fraction * (q - p), rounded to the nearest: with rounding down, the tracks of faint features
+/// drift. Written such that gcc translates the product into one instruction of AVX2 (pmulhrsw).
+Element interpolated(Element p, Element q, Element fraction) {
+  const auto difference = static_cast<Element>(q - p);
+  const auto part = static_cast<Element>((((difference * std::int32_t{fraction}) >> 14) + 1) >> 1);
+  return static_cast<Element>(p + part);
+}
+
+/// Between four neighbours, of which p is the upper left one.
+Element interpolated(const Element* p, std::size_t stride, Element a, Element b) {
+  return interpolated(interpolated(p[0], p[stride], b), interpolated(p[1], p[stride + 1], b), a);
+}
+
+/// 3/16 outer + 10/16 inner + 3/16 outer, rounded to kGradientUnit; the inputs are differences over
+/// two pixels in kGreyUnit.
+Element smoothed(Element outer_1, Element inner, Element outer_2) {
+  constexpr Element kOuterWeight = 3 << 12;
+  const auto excess = static_cast<Element>(outer_1 + outer_2 - 2 * inner);
+  static_assert(2 * kGreyUnit == kGradientUnit << 2);
+  const auto sum = static_cast<Element>(inner + highHalf(excess, kOuterWeight) + 2);
+  return static_cast<Element>(sum >> 2);
+}
+
+/// The grey levels of a patch and their gradients (Scharr).
+struct GradientPatch {
+  GradientPatch() {}  // Leaves the arrays uninitialised: set() writes what is read.
+  PatchArray grey, x, y;
+  float xx, xy, yy;  ///< sums of products of gradients [kGradientUnit^2]
+  /// For sums of gradient times difference [px / (kGreyUnit * kGradientUnit)].
+  Eigen::Matrix2f inverse_hessian;
+
+  /// wide: the patch with a border of one pixel.
+  void set(const PatchArray& wide) {
+    std::int32_t sum_xx = 0, sum_xy = 0, sum_yy = 0;
+    for (std::size_t i = 0; i < kPatchCount; ++i) {
+      const Element* const upper = wide.data() + i;
+      const Element* const middle = upper + kPatchStride;
+      const Element* const lower = middle + kPatchStride;
+      const auto gradient_x = smoothed(static_cast<Element>(upper[2] - upper[0]),
+                                       static_cast<Element>(middle[2] - middle[0]),
+                                       static_cast<Element>(lower[2] - lower[0]));
+      const auto gradient_y = smoothed(static_cast<Element>(lower[0] - upper[0]),
+                                       static_cast<Element>(lower[1] - upper[1]),
+                                       static_cast<Element>(lower[2] - upper[2]));
+      grey[i] = middle[1];
+      x[i] = static_cast<Element>(gradient_x & kPatchMask[i]);
+      y[i] = static_cast<Element>(gradient_y & kPatchMask[i]);
+      sum_xx += x[i] * x[i];
+      sum_xy += x[i] * y[i];
+      sum_yy += y[i] * y[i];
+    }
+    xx = static_cast<float>(sum_xx);
+    xy = static_cast<float>(sum_xy);
+    yy = static_cast<float>(sum_yy);
+  }
+};
+
+/// Pixels of an image around a patch, and their values between pixels.
+class PixelWindow {
+ public:
+  /// Reads the pixels of a patch with a border, and those right and below of them. Precondition:
+  /// the centre is finite; the pixels are of the image or of the larger one that contains it, and
+  /// do not change.
+  void moveTo(const cv::Mat& image, const cv::Point2f& centre, int border) {
+    const float x = centre.x - static_cast<float>(kTrackedSide / 2);
+    const float y = centre.y - static_cast<float>(kTrackedSide / 2);
+    const float column = std::floor(x), row = std::floor(y);
+    across_ = fixedPoint(x - column);
+    down_ = fixedPoint(y - row);
+    read(image, static_cast<int>(column) - border, static_cast<int>(row) - border,
+         kTrackedSide + 2 * border + 1);
+  }
+
+  /// The patch, with a border of one pixel.
+  void interpolate(PatchArray* out) const {
+    const Element across = across_, down = down_;
+    const std::size_t count = wholeChunks((kPatchStride - 1) * kPatchStride);
+    for (std::size_t i = 0; i < count; ++i) {
+      (*out)[i] = interpolated(&pixels_[i], kPatchStride, across, down);
+    }
+  }
+
+  /// Sums of gradient times difference from a patch [kGreyUnit * kGradientUnit].
+  Eigen::Vector2f gradientTimesDifference(const GradientPatch& patch) const {
+    const Element across = across_, down = down_;
+    std::int32_t sum_x = 0, sum_y = 0;
+    for (std::size_t i = 0; i < kPatchCount; ++i) {
+      const Element grey = interpolated(&pixels_[i], kPatchStride, across, down);
+      const auto difference = static_cast<Element>(grey - patch.grey[i]);
+      sum_x += difference * patch.x[i];
+      sum_y += difference * patch.y[i];
+    }
+    return {static_cast<float>(sum_x), static_cast<float>(sum_y)};
+  }
+
+ private:
+  /// Unless these rows and columns were the last to be read.
+  void read(const cv::Mat& image, int column, int row, int rows) {
+    // Pointer arithmetic instead of ptr(row): the row may lie outside of the image.
+    const auto step = static_cast<std::ptrdiff_t>(image.step[0]);
+    const unsigned char* from = image.data + row * step + column;
+    if (from == read_from_ && rows == rows_) return;
+    read_from_ = from;
+    rows_ = rows;
+    const auto columns = static_cast<std::ptrdiff_t>(wholeChunks(kPatchStride));
+    Element* to = pixels_.data();
+    if (from + (rows - 1) * step + columns <= image.datalimit) {
+      for (int y = 0; y < rows; ++y, from += step, to += kPatchStride) widen(from, columns, to);
+    } else {  // At the end of the memory a row cannot be read in whole chunks.
+      for (int y = 0; y < rows; ++y, from += step, to += kPatchStride) {
+        widen(from, std::clamp<std::ptrdiff_t>(image.datalimit - from, 0, columns), to);
+      }
+    }
+  }
+
+  static void widen(const unsigned char* __restrict from, std::ptrdiff_t count,
+                    std::int16_t* __restrict to) {
+    for (std::ptrdiff_t x = 0; x < count; ++x)
+      to[x] = static_cast<std::int16_t>(from[x] * kGreyUnit);
+  }
+
+  PatchArray pixels_{};
+  Element across_ = 0, down_ = 0;  ///< from the pixels to the patch
+  const unsigned char* read_from_ = nullptr;
+  int rows_ = 0;
+};
+
 /// Whether a patch overlaps the image; false for coordinates that are not finite.
 bool overlaps(const cv::Mat& image, const cv::Point2f& centre, int side) {
   return isInside(image, centre, static_cast<float>(side / 2 - side));
@@ -40,6 +221,13 @@ float smallerEigenvalue(const GradientPatch& m) {
   return (m.xx + m.yy - radius) / 2;
 }
 
+/// The memory of a search.
+struct Search {
+  PixelWindow window;
+  PatchArray wide{};  ///< a patch with a border of one pixel
+  GradientPatch finest, coarser;
+};
+
 // flatten: all that these call becomes part of them, and so of their version for AVX2.
 
 GSV_VECTOR_LOOP __attribute__((flatten)) void readPatch(const cv::Mat& image,
@@ -47,23 +235,21 @@ GSV_VECTOR_LOOP __attribute__((flatten)) void readPatch(const cv::Mat& image,
                                                         PixelWindow* __restrict window,
                                                         PatchArray* __restrict wide,
                                                         GradientPatch* __restrict patch) {
-  const PatchCorner corner = cornerOf(centre, kTrackedSide);
-  window->read(image, corner.column - 1, corner.row - 1, kTrackedSide + 3);
-  window->interpolate(corner.a, corner.b, wide);
+  window->moveTo(image, centre, 1);
+  window->interpolate(wide);
   patch->set(*wide);
 }
 
 /// Where the search ends, possibly outside of the image.
-GSV_VECTOR_LOOP __attribute__((flatten)) cv::Point2f minimise(
-    const GradientPatch& patch, const Eigen::Matrix2f& inverse_hessian, const cv::Mat& image,
-    PixelWindow* window, cv::Point2f point) {
+GSV_VECTOR_LOOP __attribute__((flatten)) cv::Point2f minimise(const GradientPatch& patch,
+                                                              const cv::Mat& image,
+                                                              PixelWindow* window,
+                                                              cv::Point2f point) {
   cv::Point2f previous_step;
   for (int iteration = 0; iteration < kMaxTrackingIterations; ++iteration) {
     if (!overlaps(image, point, kTrackedSide)) break;
-    const PatchCorner corner = cornerOf(point, kTrackedSide);
-    window->read(image, corner.column, corner.row, kTrackedSide + 1);
-    const Eigen::Vector2f product =
-        -inverse_hessian * window->gradientTimesDifference(corner.a, corner.b, patch);
+    window->moveTo(image, point, 0);
+    const Eigen::Vector2f product = -patch.inverse_hessian * window->gradientTimesDifference(patch);
     const cv::Point2f step(product.x(), product.y());
     point += step;
     if (step.dot(step) <= kTrackingConverged_px * kTrackingConverged_px) break;
@@ -77,27 +263,77 @@ GSV_VECTOR_LOOP __attribute__((flatten)) cv::Point2f minimise(
   return point;
 }
 
-/// Whether the patch of `there` is found in the second image, and from there in the first image
-/// again, where it comes from. point: initial guess, replaced by the result.
-bool trackThereAndBack(const cv::Point2f& from_point, int levels, PyramidSearch* there,
-                       PyramidSearch* back, const cv::Mat& to, const cv::Mat& allowed,
-                       cv::Point2f* point) {
-  if (!there->find(levels, point) || !isInside(to, *point, 1)) return false;
+/// Reads the patch of a level. False when it does not overlap the image, or has no texture in two
+/// directions.
+bool readUsable(const cv::Mat& image, const cv::Point2f& centre, Search* search,
+                GradientPatch* patch) {
+  if (!overlaps(image, centre, kTrackedSide)) return false;
+  readPatch(image, centre, &search->window, &search->wide, patch);
+  constexpr float pixels = kTrackedSide * kTrackedSide;
+  if (smallerEigenvalue(*patch) <
+      kMinSquaredGradient * pixels * static_cast<float>(kGradientUnit * kGradientUnit)) {
+    return false;
+  }
+  Eigen::Matrix2f hessian;
+  hessian << patch->xx, patch->xy, patch->xy, patch->yy;
+  patch->inverse_hessian = hessian.inverse() * (static_cast<float>(kGradientUnit) / kGreyUnit);
+  return true;
+}
+
+/// Pyramidal Lucas-Kanade (Bouguet 2000): finds the displacement that minimises the squared
+/// differences of grey levels. Gauss-Newton with the gradients of the first image. point: initial
+/// guess in the second pyramid, replaced by the result. levels: to use above the full resolution.
+bool find(const ImagePyramid& from, const ImagePyramid& to, const cv::Point2f& from_point,
+          int levels, Search* search, cv::Point2f* point) {
+  if (!readUsable(from.levels[0], from_point, search, &search->finest)) return false;
+  for (int level = std::min(levels, static_cast<int>(from.levels.size()) - 1); level >= 0;
+       --level) {
+    const auto k = static_cast<std::size_t>(level);
+    const auto scale = static_cast<float>(1 << level);
+    GradientPatch& patch = level == 0 ? search->finest : search->coarser;
+    if (level > 0 && !readUsable(from.levels[k], from_point / scale, search, &patch)) continue;
+    *point = minimise(patch, to.levels[k], &search->window, *point / scale) * scale;
+  }
+  return overlaps(to.levels[0], *point, kTrackedSide);
+}
+
+/// Whether the patch is found in the second image, where `allowed` is not 0, and from there in the
+/// first image again, where it comes from. point: initial guess, replaced by the result.
+bool findThereAndBack(const ImagePyramid& from, const ImagePyramid& to,
+                      const cv::Point2f& from_point, int levels, const cv::Mat& allowed,
+                      Search* search, cv::Point2f* point) {
+  if (!find(from, to, from_point, levels, search, point) || !isInside(to.image, *point, 1)) {
+    return false;
+  }
   if (!allowed.empty() && allowed.at<unsigned char>(cvRound(point->y), cvRound(point->x)) == 0) {
     return false;
   }
-  back->setPatch(*point);
   cv::Point2f returned = from_point;
-  return back->find(0, &returned) && cv::norm(returned - from_point) <= kMaxReturnError_px;
+  return find(to, from, *point, 0, search, &returned) &&
+         cv::norm(returned - from_point) <= kMaxReturnError_px;
+}
+
+/// Calls body(cv::Range) for parts of [0, count) on OpenCV's threads. There are a few parts per
+/// thread: more would balance the load no better, and each begins with the memory of a search. Left
+/// to itself, OpenCV with libtbb makes over a hundred.
+template <typename Body>
+void parallelLoop(int count, const Body& body) {
+#ifdef __SANITIZE_THREAD__
+  // ThreadSanitizer does not see how libtbb, which is built without it, synchronises the threads.
+  body(cv::Range(0, count));
+#else
+  constexpr double kPartsPerThread = 4;
+  cv::parallel_for_({0, count}, body, kPartsPerThread * cv::getNumThreads());
+#endif
 }
 
 }  // namespace
 
 void prefetchPatch(const cv::Mat& image, const cv::Point2f& centre, int side) {
   if (!overlaps(image, centre, side)) return;
-  const PatchCorner corner = cornerOf(centre, side);
   const auto step = static_cast<std::ptrdiff_t>(image.step[0]);
-  const unsigned char* row = image.data + (corner.row - 1) * step + corner.column - 1;
+  const unsigned char* row =
+      image.data + (cvFloor(centre.y) - side / 2 - 1) * step + cvFloor(centre.x) - side / 2 - 1;
   for (int y = 0; y < side + kPatchBorder; ++y, row += step) {
     __builtin_prefetch(row);
     __builtin_prefetch(row + side + kPatchBorder - 1);
@@ -125,85 +361,33 @@ ImagePyramid trackingPyramid(const cv::Mat& image, int levels) {
   return result;
 }
 
-PyramidSearch::PyramidSearch(const ImagePyramid& from, const ImagePyramid& to)
-    : from_(from.levels), to_(to.levels), patches_(std::min(from_.size(), to_.size())) {}
-
-void PyramidSearch::prefetch(const cv::Point2f& from_point, const cv::Point2f& guess,
-                             int levels) const {
-  for (int level = std::min(levels, static_cast<int>(patches_.size()) - 1); level >= 0; --level) {
-    const auto scale = static_cast<float>(1 << level);
-    prefetchPatch(from_[static_cast<std::size_t>(level)], from_point / scale, kTrackedSide);
-    prefetchPatch(to_[static_cast<std::size_t>(level)], guess / scale, kTrackedSide);
-  }
-}
-
-void PyramidSearch::setPatch(const cv::Point2f& from_point) {
-  from_point_ = from_point;
-  for (LevelPatch& level : patches_) level.state = LevelPatch::kUnknown;
-}
-
-/// Reads the patch of a level, unless it is known. Returns whether it is usable.
-bool PyramidSearch::read(int level) {
-  LevelPatch& at = patches_[static_cast<std::size_t>(level)];
-  if (at.state != LevelPatch::kUnknown) return at.state == LevelPatch::kUsable;
-  at.state = LevelPatch::kUnusable;
-  const cv::Mat& image = from_[static_cast<std::size_t>(level)];
-  const cv::Point2f centre = from_point_ / static_cast<float>(1 << level);
-  if (!overlaps(image, centre, kTrackedSide)) return false;
-  readPatch(image, centre, &window_, &wide_, &at.patch);
-  constexpr float pixels = kTrackedSide * kTrackedSide;
-  if (smallerEigenvalue(at.patch) <
-      kMinSquaredGradient * pixels * static_cast<float>(kGradientUnit * kGradientUnit)) {
-    return false;
-  }
-  Eigen::Matrix2f hessian;
-  hessian << at.patch.xx, at.patch.xy, at.patch.xy, at.patch.yy;
-  at.inverse_hessian = hessian.inverse() * (static_cast<float>(kGradientUnit) / kGreyUnit);
-  at.state = LevelPatch::kUsable;
-  return true;
-}
-
-bool PyramidSearch::find(int levels, cv::Point2f* point) {
-  if (!read(0)) return false;  // whatever the coarser levels find
-  bool found = false;
-  for (int level = std::min(levels, static_cast<int>(patches_.size()) - 1); level >= 0; --level) {
-    const auto k = static_cast<std::size_t>(level);
-    const auto scale = static_cast<float>(1 << level);
-    *point /= scale;
-    found = read(level);
-    if (found) {
-      *point = minimise(patches_[k].patch, patches_[k].inverse_hessian, to_[k], &window_, *point);
-      found = overlaps(to_[k], *point, kTrackedSide);
-    }
-    *point *= scale;
-  }
-  return found;
-}
-
 std::vector<std::optional<cv::Point2f>> trackPoints(const ImagePyramid& from,
                                                     const ImagePyramid& to,
                                                     const std::vector<cv::Point2f>& points,
                                                     const std::vector<cv::Point2f>& predicted,
                                                     const cv::Mat& allowed) {
   const std::vector<cv::Point2f>& guesses = predicted.empty() ? points : predicted;
+  const std::size_t prefetched =
+      std::min<std::size_t>(kLevelsNearPrediction + 1, from.levels.size());
   std::vector<std::optional<cv::Point2f>> tracks(points.size());
   parallelLoop(static_cast<int>(points.size()), [&](const cv::Range& range) {
-    PyramidSearch there(from, to);
-    PyramidSearch back(to, from);
-    for (auto i = static_cast<std::size_t>(range.start); i < static_cast<std::size_t>(range.end);
-         ++i) {
-      if (i + 1 < static_cast<std::size_t>(range.end)) {
-        there.prefetch(points[i + 1], guesses[i + 1], kLevelsNearPrediction);
+    Search search;
+    const auto begin = static_cast<std::size_t>(range.start);
+    const auto end = static_cast<std::size_t>(range.end);
+    for (std::size_t i = begin; i < end; ++i) {
+      for (std::size_t level = 0; level < prefetched && i + 1 < end; ++level) {
+        const auto scale = static_cast<float>(1 << level);
+        prefetchPatch(from.levels[level], points[i + 1] / scale, kTrackedSide);
+        prefetchPatch(to.levels[level], guesses[i + 1] / scale, kTrackedSide);
       }
-      const auto trackFrom = [&](cv::Point2f point, int levels) {
-        if (trackThereAndBack(points[i], levels, &there, &back, to.image, allowed, &point)) {
+      const auto findFrom = [&](cv::Point2f point, int levels) {
+        if (findThereAndBack(from, to, points[i], levels, allowed, &search, &point)) {
           tracks[i] = point;
         }
         return tracks[i].has_value();
       };
-      there.setPatch(points[i]);
-      if (!predicted.empty() && trackFrom(predicted[i], kLevelsNearPrediction)) continue;
-      trackFrom(points[i], kPyramidLevels);
+      if (!predicted.empty() && findFrom(predicted[i], kLevelsNearPrediction)) continue;
+      findFrom(points[i], kPyramidLevels);
     }
   });
   return tracks;

@@ -202,31 +202,6 @@ TEST(Exposure, ReportsNoStepForOtherChanges) {
   EXPECT_EQ(applyGain(scene(), 100).at<unsigned char>(5, 5), 255) << "saturates";
 }
 
-constexpr int kLevels = 4;
-
-/// Searches the patch around each point of a pyramid, starting from `points`, which become the
-/// results. Returns which have been found.
-std::vector<unsigned char> trackAll(const ImagePyramid& from, const ImagePyramid& to,
-                                    const std::vector<cv::Point2f>& from_points, int levels,
-                                    std::vector<cv::Point2f>* points) {
-  PyramidSearch search(from, to);
-  std::vector<unsigned char> found;
-  for (std::size_t i = 0; i < from_points.size(); ++i) {
-    search.setPatch(from_points[i]);
-    found.push_back(search.find(levels, &(*points)[i]));
-  }
-  return found;
-}
-
-/// The place of the patch at `point` of an image in the next one, if found in the full resolution.
-std::optional<cv::Point2f> track(const cv::Mat& image, const cv::Mat& next,
-                                 const cv::Point2f& point, const cv::Point2f& guess) {
-  std::vector<cv::Point2f> points{guess};
-  const auto found =
-      trackAll(trackingPyramid(image, 0), trackingPyramid(next, 0), {point}, 0, &points);
-  return found[0] ? std::make_optional(points[0]) : std::nullopt;
-}
-
 std::vector<cv::Point2f> cornersOf(const cv::Mat& image) {
   cv::Mat mask(image.size(), CV_8UC1, cv::Scalar(0));
   mask(cv::Rect(40, 40, image.cols - 80, image.rows - 80)) = 255;
@@ -238,32 +213,29 @@ std::vector<cv::Point2f> cornersOf(const cv::Mat& image) {
 TEST(LucasKanade, AgreesWithOpenCv) {
   const cv::Mat image = test::blurredNoise(7), next = test::moved(image, 3.3, -1.6, 1.5, 1.04);
   const std::vector<cv::Point2f> corners = cornersOf(image);
-  std::vector<cv::Point2f> points = corners, reference = corners;
-  const auto found = trackAll(trackingPyramid(image, kLevels), trackingPyramid(next, kLevels),
-                              corners, kLevels, &points);
+  const auto tracks = trackPoints(trackingPyramid(image), trackingPyramid(next), corners, {}, {});
+  std::vector<cv::Point2f> reference = corners;
   std::vector<unsigned char> status;
-  cv::calcOpticalFlowPyrLK(
-      image, next, corners, reference, status, cv::noArray(), {kTrackedSide, kTrackedSide}, kLevels,
-      {cv::TermCriteria::COUNT + cv::TermCriteria::EPS, 100, 1e-3}, cv::OPTFLOW_USE_INITIAL_FLOW);
+  cv::calcOpticalFlowPyrLK(image, next, corners, reference, status, cv::noArray(),
+                           {kTrackedSide, kTrackedSide}, kPyramidLevels,
+                           {cv::TermCriteria::COUNT + cv::TermCriteria::EPS, 100, 1e-3},
+                           cv::OPTFLOW_USE_INITIAL_FLOW);
   std::size_t equal = 0;
   for (std::size_t i = 0; i < corners.size(); ++i) {
-    equal += found[i] && status[i] && cv::norm(points[i] - reference[i]) < 0.02;
+    equal += tracks[i] && status[i] && cv::norm(*tracks[i] - reference[i]) < 0.02;
   }
   EXPECT_GT(equal, corners.size() * 8 / 10);
 }
 
-TEST(LucasKanade, DoesNotFindPointsWithoutTextureOrOutsideTheImage) {
-  const cv::Mat image = test::blurredNoise(7);
-  EXPECT_TRUE(track(image, image, {400, 124}, {401, 124}));
-  const cv::Mat blank(image.size(), CV_8UC1, cv::Scalar(90));
-  EXPECT_FALSE(track(blank, image, {400, 124}, {400, 124}));
-  EXPECT_FALSE(track(image, image, {400, 124}, {-20, 124}));
-  EXPECT_FALSE(track(image, image, {400, 124}, {400, 1e9f}));
+TEST(LucasKanade, DoesNotFindPointsWithoutTexture) {
+  const auto isTracked = [](const cv::Mat& image) {
+    const ImagePyramid pyramid = trackingPyramid(image, 0);
+    return trackPoints(pyramid, pyramid, {{400, 124}}, {}, {})[0].has_value();
+  };
+  EXPECT_FALSE(isTracked(cv::Mat(248, 800, CV_8UC1, cv::Scalar(90))));
   for (const bool turned : {false, true}) {
     for (const double across : {60.0, 3.0, 0.3}) {
-      const cv::Mat edges = test::waves(across, turned);
-      EXPECT_EQ(track(edges, edges, {400, 124}, {400, 124}).has_value(), across > 1)
-          << across << turned;
+      EXPECT_EQ(isTracked(test::waves(across, turned)), across > 1) << across << turned;
     }
   }
 }
@@ -278,19 +250,18 @@ TEST(LucasKanade, TracksPatchesEverywhereInAnImage) {
     }
   }
   const cv::Rect2f inside(5, 5, 50, 26);
-  std::vector<cv::Point2f> all;
+  std::vector<cv::Point2f> all, guesses;
   for (const cv::Point2f& u : test::gridPixels({73, 49}, 0, 3)) {
     all.push_back(u - cv::Point2f(5.7f, 5.4f));
+    guesses.push_back(all.back() + cv::Point2f(0.4f, -0.3f));
   }
   for (const cv::Mat& image : {test::blurredNoise(7)({100, 100, 61, 37}).clone(), squares}) {
-    const ImagePyramid pyramid = trackingPyramid(image, kLevels);
-    std::vector<cv::Point2f> points = all;
-    for (cv::Point2f& point : points) point += cv::Point2f(0.4f, -0.3f);
-    const auto found = trackAll(pyramid, pyramid, all, 0, &points);
+    const ImagePyramid pyramid = trackingPyramid(image, 0);
+    const auto tracks = trackPoints(pyramid, pyramid, all, guesses, {});
     for (std::size_t i = 0; i < all.size(); ++i) {
       if (!inside.contains(all[i])) continue;
-      EXPECT_TRUE(found[i]) << all[i];
-      EXPECT_LT(cv::norm(points[i] - all[i]), 0.02) << all[i];
+      ASSERT_TRUE(tracks[i]) << all[i];
+      EXPECT_LT(cv::norm(*tracks[i] - all[i]), 0.02) << all[i];
     }
   }
 }

@@ -117,6 +117,21 @@ gsv::CameraInfo toCameraInfo(const py::dict& fields) {
   return info;
 }
 
+/// What contradicts --rectified, as a sentence; empty: nothing. Throws DataError with it when it is
+/// certain.
+std::string rectificationSentence(const gsv::CameraInfo& info, bool is_rectified,
+                                  const std::string& image_topic) {
+  const auto [reason, is_certain] =
+      gsv::rectificationContradiction(info, is_rectified, image_topic);
+  if (reason.empty()) return {};
+  const std::string sentence = image_topic + " is used " + (is_rectified ? "with" : "without") +
+                               " --rectified, but " + reason +
+                               (is_rectified ? ": omit --rectified if the images are raw"
+                                             : ": add --rectified if the images are rectified");
+  if (is_certain) throw gsv::DataError(sentence);
+  return sentence;
+}
+
 /// infos: iterable over the messages of info_topic; the first valid one is used.
 gsv::DriveReader::Calibration calibrationIn(const py::iterable& infos,
                                             const std::string& info_topic,
@@ -129,7 +144,7 @@ gsv::DriveReader::Calibration calibrationIn(const py::iterable& infos,
       const gsv::DriveReader::Calibration calibration{
           gsv::readCameraInfo(info, info_topic, is_rectified),
           "camera_info on topic " + info_topic};
-      *warning = gsv::rectificationSentence(info, is_rectified, image_topic);
+      *warning = rectificationSentence(info, is_rectified, image_topic);
       return calibration;
     } catch (const gsv::DataError& error) {
       reason = error.what();
@@ -335,7 +350,6 @@ void addDrives(py::module* module) {
   module->def("roll_of", &gsv::rollOf);
   module->def("open_files", &openFiles);
   module->def("open_messages", &openMessages);
-  module->def("camera_info_topic_of", &gsv::cameraInfoTopicOf);
   module->def("require_no_bag", [](const std::string& path) { gsv::requireNoBag(path); });
   module->def("result_name", &gsv::resultName);
   module->def("run", &run);

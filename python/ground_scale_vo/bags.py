@@ -1,5 +1,6 @@
 """The images and GPS fixes of a bag, read with the Python module rosbag."""
 
+import re
 from typing import Any, Iterator, Optional, Tuple
 
 import numpy as np
@@ -17,7 +18,8 @@ def open_bag(file: str, topic: Optional[str], rectified: bool, camera: str, fov:
     bag, topics = _open(file)
     images = [name for name, info in topics.items() if info.msg_type in _IMAGE_TYPES]
     name = _image_topic(file, images, topic)
-    info_topic = _core.camera_info_topic_of(name)
+    raw = re.sub("/compressed$", "", name)
+    info_topic = raw[:raw.rfind("/") + 1] + "camera_info"
     infos = [other for other, info in topics.items()
              if _bare(other) == _bare(info_topic) and info.msg_type == "sensor_msgs/CameraInfo"]
     if not infos and not camera and not fov:

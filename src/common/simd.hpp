@@ -43,13 +43,9 @@ inline void takeSquareRoots(Doubles* values) {
   for (std::size_t i = 0; i < kSimdDoubles; ++i) (*values)[i] = std::sqrt((*values)[i]);
 }
 
-/// The next multiple of kSimdFloats.
-constexpr std::size_t paddedFloats(std::size_t count) {
-  return (count + kSimdFloats - 1) / kSimdFloats * kSimdFloats;
-}
-/// The next multiple of kSimdDoubles.
-constexpr std::size_t paddedDoubles(std::size_t count) {
-  return (count + kSimdDoubles - 1) / kSimdDoubles * kSimdDoubles;
+/// The next multiple of `unit`.
+constexpr std::size_t padded(std::size_t count, std::size_t unit) {
+  return (count + unit - 1) / unit * unit;
 }
 
 }  // namespace ground_scale_vo

@@ -203,12 +203,6 @@ PinholeCamera pinholeOf(const CameraCalibration& c) {
   return {c.width, c.height, c.fx, c.fy, c.cx, c.cy, c.estimated};
 }
 
-CameraCalibration ofFieldOfView(double degrees, const cv::Size& size) {
-  requireInRange("the field of view [degrees]", degrees, 10, 150);
-  const double f = 0.5 * size.width / std::tan(0.5 * kRadiansPerDegree * degrees);
-  return {size.width, size.height, f, f, 0.5 * (size.width - 1), 0.5 * (size.height - 1)};
-}
-
 std::string checkCalibration(const CameraCalibration& c, const std::string& source,
                              const cv::Size& images) {
   if (c.hasSize() && (c.width != images.width || c.height != images.height)) {

@@ -130,17 +130,11 @@ bool isRectificationOf(const CameraInfo& info) {
   }
 }
 
-std::string withoutTransport(const std::string& topic) {
-  const std::string transport = "/compressed";
-  const std::size_t end = topic.rfind(transport);
-  const bool has_one =
-      end != std::string::npos && end > 0 && end + transport.size() == topic.size();
-  return has_one ? topic.substr(0, end) : topic;
-}
-
 /// Whether the last part of the topic, without a trailing /compressed, contains the text.
 bool hasPart(const std::string& topic, const std::string& part) {
-  const std::string name = withoutTransport(topic);
+  const std::string transport = "/compressed";
+  const std::size_t end = topic.rfind(transport);
+  const std::string name = end + transport.size() == topic.size() ? topic.substr(0, end) : topic;
   return name.substr(name.rfind('/') + 1).find(part) != std::string::npos;
 }
 
@@ -164,11 +158,6 @@ CameraCalibration readCameraInfo(const CameraInfo& info, const std::string& topi
   } catch (const OptionError& error) {
     throw DataError(subject + " cannot be used: " + error.what());
   }
-}
-
-std::string cameraInfoTopicOf(const std::string& image_topic) {
-  const std::string name = withoutTransport(image_topic);
-  return name.substr(0, name.rfind('/') + 1) + "camera_info";
 }
 
 RectificationContradiction rectificationContradiction(const CameraInfo& info,
@@ -195,20 +184,6 @@ RectificationContradiction rectificationContradiction(const CameraInfo& info,
            << " is named like raw images, and D of camera_info is not zero";
   }
   return {reason.str(), is_certain};
-}
-
-std::string rectificationSentence(const CameraInfo& info, bool image_is_rectified,
-                                  const std::string& image_topic) {
-  const auto [reason, is_certain] =
-      rectificationContradiction(info, image_is_rectified, image_topic);
-  if (reason.empty()) return {};
-  const std::string sentence = image_is_rectified
-                                   ? image_topic + " is used with --rectified, but " + reason +
-                                         ": omit --rectified if the images are raw"
-                                   : image_topic + " is used without --rectified, but " + reason +
-                                         ": add --rectified if the images are rectified";
-  if (is_certain) throw DataError(sentence);
-  return sentence;
 }
 
 }  // namespace ground_scale_vo

@@ -31,9 +31,6 @@ struct CameraInfo {
 CameraCalibration readCameraInfo(const CameraInfo& info, const std::string& topic,
                                  bool image_is_rectified);
 
-/// The topic camera_info beside that of the images, TOPIC or TOPIC/compressed.
-std::string cameraInfoTopicOf(const std::string& image_topic);
-
 /// What in camera_info or in the name of the image topic contradicts image_is_rectified.
 struct RectificationContradiction {
   std::string reason;  ///< a clause; empty: no contradiction, or there is nothing to compare
@@ -47,10 +44,5 @@ struct RectificationContradiction {
 RectificationContradiction rectificationContradiction(const CameraInfo& info,
                                                       bool image_is_rectified,
                                                       const std::string& image_topic);
-
-/// The same as a sentence for the user of --rectified, or empty. Throws DataError with it when it
-/// is certain.
-std::string rectificationSentence(const CameraInfo& info, bool image_is_rectified,
-                                  const std::string& image_topic);
 
 }  // namespace ground_scale_vo

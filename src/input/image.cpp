@@ -98,47 +98,6 @@ bool isComplete(std::string_view bytes) {
          (begins(bytes, kJpegBegin) && ends(bytes, kJpegEnd));
 }
 
-/// In the header; 0 x 0 if there is none. The header of a small image may state any size, and
-/// decoding it allocates that much memory.
-cv::Size2d encodedSize(std::string_view bytes) {
-  const auto number = [&](std::size_t at, std::size_t length) {
-    std::uint32_t value = 0;
-    for (const char byte : bytes.substr(at, length)) {
-      value = value << 8 | static_cast<unsigned char>(byte);
-    }
-    return value;
-  };
-  constexpr std::size_t kPngSize = 16;
-  if (begins(bytes, kPngBegin)) {
-    if (bytes.size() < kPngSize + 8) return {};
-    return cv::Size2d(number(kPngSize, 4), number(kPngSize + 4, 4));
-  }
-  // JPEG: segments of a marker (2 bytes), a length (2 bytes, which it counts itself) and data; the
-  // size is in the frame header (SOF), before the first scan (SOS). Decoders skip other bytes
-  // between segments.
-  for (std::size_t at = 2; at + 9 <= bytes.size();) {
-    const std::uint32_t marker = bytes[at] == '\xff' ? number(at + 1, 1) : 0xff;
-    const bool is_frame =
-        marker >= 0xc0 && marker <= 0xcf && marker != 0xc4 && marker != 0xc8 && marker != 0xcc;
-    const bool has_length = marker > 0x01 && marker < 0xff && (marker < 0xd0 || marker > 0xd8);
-    if (is_frame) return cv::Size2d(number(at + 7, 2), number(at + 5, 2));
-    if (marker == 0xda) break;
-    at += marker == 0xff ? 1 : has_length ? 2 + std::size_t{number(at + 2, 2)} : 2;
-  }
-  return {};
-}
-
-/// Before an image is decoded: the bytes are a complete image of at most kMaxImagePixels.
-void requireDecodable(std::string_view bytes) {
-  if (!isComplete(bytes)) throw DataError("is not a whole PNG or JPEG image");
-  const cv::Size2d size = encodedSize(bytes);
-  if (size.empty()) throw DataError("states no image size");
-  if (size.area() > kMaxImagePixels) {
-    throw DataError(
-        format("states %.0f x %.0f pixels, more than are plausible", size.width, size.height));
-  }
-}
-
 }  // namespace
 
 cv::Mat pixelsOf(const RawImage& image) {
@@ -157,7 +116,7 @@ cv::Mat pixelsOf(const RawImage& image) {
 }
 
 cv::Mat decodePixels(std::string_view bytes) {
-  requireDecodable(bytes);
+  if (!isComplete(bytes)) throw DataError("is not a whole PNG or JPEG image");
   cv::Mat pixels;
   try {
     const cv::Mat buffer(1, static_cast<int>(bytes.size()), CV_8UC1,
@@ -169,6 +128,10 @@ cv::Mat decodePixels(std::string_view bytes) {
   const bool has_integers = pixels.depth() == CV_8U || pixels.depth() == CV_16U;
   if (pixels.empty() || !has_integers || pixels.channels() == 2) {
     throw DataError("cannot be decoded as an image");
+  }
+  if (static_cast<double>(pixels.total()) > kMaxImagePixels) {
+    throw DataError("has " + sizeText(pixels.cols, pixels.rows) +
+                    " pixels, more than are plausible");
   }
   return pixels;
 }

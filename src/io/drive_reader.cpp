@@ -1,11 +1,13 @@
 #include "ground_scale_vo/io/drive_reader.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 #include "common/text.hpp"
 #include "common/time.hpp"
 #include "ground_scale_vo/common/error.hpp"
+#include "ground_scale_vo/common/math.hpp"
 #include "ground_scale_vo/input/camera.hpp"
 #include "ground_scale_vo/input/image.hpp"
 
@@ -17,6 +19,14 @@ constexpr std::int64_t kUsualInterval = 100'000'000;  // [ns] before one is know
 constexpr std::size_t kStampProbe = 20;
 constexpr const char* kWrongStamp = "have a stamp that does not continue the others";
 constexpr const char* kDamaged = "cannot be decoded";
+
+/// Without distortion, with square pixels and the principal point in the centre. degrees:
+/// horizontal field of view. Throws OptionError.
+CameraCalibration ofFieldOfView(double degrees, const cv::Size& size) {
+  requireInRange("the field of view [degrees]", degrees, 10, 150);
+  const double f = 0.5 * size.width / std::tan(0.5 * kRadiansPerDegree * degrees);
+  return {size.width, size.height, f, f, 0.5 * (size.width - 1), 0.5 * (size.height - 1)};
+}
 
 }  // namespace
 

@@ -61,8 +61,8 @@ constexpr float kPixels = kAlignedSide * kAlignedSide;  ///< of a patch
 constexpr std::size_t kAlignedStride = kAlignedSide + 2;
 /// Elements of a patch with the padding; of one with a border of one pixel; and of a FloatWindow
 /// that compare() reads.
-constexpr std::size_t kAlignedCount = paddedFloats(kAlignedSide * kAlignedStride);
-constexpr std::size_t kBorderedCount = paddedFloats(kAlignedStride * kAlignedStride);
+constexpr std::size_t kAlignedCount = padded(kAlignedSide * kAlignedStride, kSimdFloats);
+constexpr std::size_t kBorderedCount = padded(kAlignedStride * kAlignedStride, kSimdFloats);
 constexpr std::size_t kWindowCount = kAlignedCount + kAlignedStride + 1;
 constexpr std::size_t kMaxElements = kBorderedCount + 2 * kSimdFloats;
 static_assert(kWindowCount <= kMaxElements);
@@ -198,10 +198,11 @@ class FloatWindow {
     const unsigned char* from = image_.ptr(row) + column;
     float* to = pixels_.data();
     // At the end of the memory a row cannot be read in whole kSimdFloats.
-    const bool whole = from + kAlignedSide * step + paddedFloats(columns) <= image_.datalimit;
+    const bool whole =
+        from + kAlignedSide * step + padded(columns, kSimdFloats) <= image_.datalimit;
     for (int y = 0; y <= kAlignedSide; ++y, from += step, to += kAlignedStride) {
       if (whole) {
-        std::copy_n(from, paddedFloats(columns), to);
+        std::copy_n(from, padded(columns, kSimdFloats), to);
       } else {
         std::copy_n(from, columns, to);
       }

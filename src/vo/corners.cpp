@@ -135,9 +135,6 @@ class CornerStrength {
   std::vector<std::int32_t> xx_, xy_, yy_;  ///< products of the gradients, summed over kSide rows
 };
 
-/// Instead of the strength of a pixel that is not free; less than any strength.
-constexpr float kNotFree = -1;
-
 /// Smaller over larger eigenvalue of the gradient matrix of the patch around a pixel: 0 on a
 /// straight edge, where the aperture problem leaves the position along the edge undetermined.
 double eigenvalueRatio(const cv::Mat& image, const cv::Point& at, int half) {
@@ -157,39 +154,15 @@ double eigenvalueRatio(const cv::Mat& image, const cv::Point& at, int half) {
   return mean > 0 ? (mean - radius) / (mean + radius) : 0;
 }
 
-/// Largest strength among the free (non-zero) pixels of each column of an area; kNotFree without
-/// one. Strides: between rows.
-GSV_VECTOR_LOOP void columnMaxima(const float* __restrict strength, std::size_t strength_stride,
-                                  const unsigned char* __restrict free, std::size_t free_stride,
-                                  int columns, int rows, float* __restrict maxima) {
-  for (int x = 0; x < columns; ++x) maxima[x] = kNotFree;
-  for (int y = 0; y < rows; ++y) {
-    for (int x = 0; x < columns; ++x) {
-      const float value = free[x] ? strength[x] : kNotFree;
-      maxima[x] = value > maxima[x] ? value : maxima[x];
-    }
-    strength += strength_stride;
-    free += free_stride;
-  }
-}
-
 /// The strongest pixel of an area among those that are free (non-zero), if its strength is at least
-/// `least`; the first of several. strength, free: of the same pixels. maxima: memory for a row.
+/// `least`; the first of several. strength, free: of the same pixels.
 std::optional<cv::Point> strongest(const cv::Mat& strength, const cv::Mat& free,
-                                   const cv::Rect& area, double least, std::vector<float>* maxima) {
-  maxima->resize(static_cast<std::size_t>(area.width));
-  columnMaxima(strength.ptr<float>(area.y) + area.x, strength.step1(), free.ptr(area.y) + area.x,
-               free.step1(), area.width, area.height, maxima->data());
-  const float largest = *std::max_element(maxima->begin(), maxima->end());
-  if (!(largest > kNotFree) || largest < least) return std::nullopt;
-  cv::Point first = area.br();
-  for (int x = area.x; x < area.br().x; ++x) {
-    if ((*maxima)[static_cast<std::size_t>(x - area.x)] < largest) continue;
-    int y = area.y;
-    while (strength.at<float>(y, x) < largest || free.at<unsigned char>(y, x) == 0) ++y;
-    if (y < first.y) first = {x, y};
-  }
-  return first;
+                                   const cv::Rect& area, double least) {
+  double largest = 0;
+  cv::Point at;
+  cv::minMaxLoc(strength(area), nullptr, &largest, nullptr, &at, free(area));
+  if (at.x < 0 || largest < least) return std::nullopt;
+  return at + area.tl();
 }
 
 /// Whether none of the eight neighbours is stronger.
@@ -260,7 +233,6 @@ std::vector<cv::Point2f> CornerDetector::detectIn(const cv::Mat& image, const cv
   CornerStrength strength(image, border - 1);
   cv::Mat band(cell + 2, image.cols, CV_32FC1);  // a row of cells with a border of 1 px
   int filled = 0;
-  std::vector<float> maxima;
   std::vector<cv::Point2f> corners;
   for (int row = 0; row < rows; ++row) {
     for (; filled < band.rows; ++filled) strength.next(band.ptr<float>(filled));
@@ -270,7 +242,7 @@ std::vector<cv::Point2f> CornerDetector::detectIn(const cv::Mat& image, const cv
       if (taken[static_cast<std::size_t>(row * columns + column)]) continue;
       const cv::Rect area(border + column * cell, 1, cell, cell);
       const std::optional<cv::Point> peak =
-          strongest(band, free_band, area, options_.min_corner_strength, &maxima);
+          strongest(band, free_band, area, options_.min_corner_strength);
       // A maximum on the cell's border may belong to a stronger corner in the next cell.
       if (!peak || !isLocalMaximum(band, *peak)) continue;
       const cv::Point at = *peak + cv::Point(0, first_row);

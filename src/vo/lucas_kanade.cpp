@@ -9,6 +9,7 @@
 #include <opencv2/core/utility.hpp>
 #include <opencv2/imgproc.hpp>
 
+#include "common/simd.hpp"
 #include "common/vector_loop.hpp"
 
 namespace ground_scale_vo {
@@ -48,13 +49,9 @@ constexpr int kPatchBorder = 3;
 /// The loops process whole chunks: one or two vector registers.
 constexpr std::size_t kPatchChunk = 16;
 
-constexpr std::size_t wholeChunks(std::size_t count) {
-  return (count + kPatchChunk - 1) / kPatchChunk * kPatchChunk;
-}
-
 constexpr std::size_t kPatchStride = kTrackedSide + kPatchBorder;  ///< from a row to the next
 /// Elements of a patch with the padding, whole chunks.
-constexpr std::size_t kPatchCount = wholeChunks(kTrackedSide * kPatchStride);
+constexpr std::size_t kPatchCount = padded(kTrackedSide * kPatchStride, kPatchChunk);
 /// -1: pixel of the patch, 0: padding.
 constexpr std::array<std::int16_t, kPatchCount> kPatchMask = [] {
   std::array<std::int16_t, kPatchCount> mask{};
@@ -159,7 +156,7 @@ class PixelWindow {
   /// The patch, with a border of one pixel.
   void interpolate(PatchArray* out) const {
     const Element across = across_, down = down_;
-    const std::size_t count = wholeChunks((kPatchStride - 1) * kPatchStride);
+    const std::size_t count = padded((kPatchStride - 1) * kPatchStride, kPatchChunk);
     for (std::size_t i = 0; i < count; ++i) {
       (*out)[i] = interpolated(&pixels_[i], kPatchStride, across, down);
     }
@@ -187,7 +184,7 @@ class PixelWindow {
     if (from == read_from_ && rows == rows_) return;
     read_from_ = from;
     rows_ = rows;
-    const auto columns = static_cast<std::ptrdiff_t>(wholeChunks(kPatchStride));
+    const auto columns = static_cast<std::ptrdiff_t>(padded(kPatchStride, kPatchChunk));
     Element* to = pixels_.data();
     if (from + (rows - 1) * step + columns <= image.datalimit) {
       for (int y = 0; y < rows; ++y, from += step, to += kPatchStride) widen(from, columns, to);
@@ -346,14 +343,14 @@ ImagePyramid trackingPyramid(const cv::Mat& image, int levels) {
   for (cv::Size size = image.size(); static_cast<int>(result.levels.size()) <= levels;
        size = {(size.width + 1) / 2, (size.height + 1) / 2}) {
     if (!result.levels.empty() && std::min(size.width, size.height) <= kTrackedSide) break;
-    cv::Mat padded(size.height + 2 * border, size.width + 2 * border, CV_8UC1);
-    cv::Mat level = padded({{border, border}, size});
+    cv::Mat with_border(size.height + 2 * border, size.width + 2 * border, CV_8UC1);
+    cv::Mat level = with_border({{border, border}, size});
     if (result.levels.empty()) {
       image.copyTo(level);
     } else {
       cv::pyrDown(result.levels.back(), level, size);
     }
-    cv::copyMakeBorder(level, padded, border, border, border, border,
+    cv::copyMakeBorder(level, with_border, border, border, border, border,
                        cv::BORDER_REFLECT_101 | cv::BORDER_ISOLATED);
     result.levels.push_back(level);
   }

@@ -56,7 +56,7 @@ void Mapping::addKeyframe(const Eigen::Isometry3d& T_w_c, const std::vector<Feat
   keyframe.readout_motion = readout_motion;
   keyframe.has_parallax = tracked == 0 || parallax > kMinParallaxShare * kKeyframeParallax;
   map_.triangulateNew();
-  if (readout_time_ > 0) shiftToStamp(camera_, &map_);
+  if (readout_time_ > 0) shiftObservations(camera_, &map_);
   bundle_adjustment_.load(map_);
   adjusting_ = std::async(std::launch::async, [this] {
     const Stopwatch watch;

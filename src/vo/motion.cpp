@@ -140,9 +140,9 @@ std::vector<cv::Point2f> predictPixelsByFlow(const std::vector<Feature>& feature
   return predicted;
 }
 
-void shiftToStamp(const PinholeCamera& camera, const LocalMap& map, const Eigen::Isometry3d& T_w_c,
-                  const Vector6d& readout_motion, double readout_angle_sigma,
-                  std::vector<Feature>* features) {
+void shiftFeatures(const PinholeCamera& camera, const LocalMap& map, const Eigen::Isometry3d& T_w_c,
+                   const Vector6d& readout_motion, double readout_angle_sigma,
+                   std::vector<Feature>* features) {
   const auto pixelsAt = [&](double share) {
     return predictPixels(camera, map, *features, T_w_c, boxplus(T_w_c, share * readout_motion));
   };
@@ -159,7 +159,7 @@ void shiftToStamp(const PinholeCamera& camera, const LocalMap& map, const Eigen:
   }
 }
 
-void shiftToStamp(const PinholeCamera& camera, LocalMap* map) {
+void shiftObservations(const PinholeCamera& camera, LocalMap* map) {
   std::vector<Eigen::Isometry3d> T_k_w;
   for (const Keyframe& keyframe : map->keyframes()) T_k_w.push_back(keyframe.T_w_c.inverse());
   for (Landmark& landmark : map->landmarks()) {
@@ -179,8 +179,8 @@ void shiftToStamp(const PinholeCamera& camera, LocalMap* map) {
   }
 }
 
-void shiftToStampByFlow(const PinholeCamera& camera, double readout_time, double dt,
-                        std::vector<Feature>* features) {
+void shiftFeaturesByFlow(const PinholeCamera& camera, double readout_time, double dt,
+                         std::vector<Feature>* features) {
   for (Feature& feature : *features) {
     const double previous_v = feature.u.y() - dt * feature.flow.y();
     const double delay = readout_time * camera.readoutShare(feature.u.y());

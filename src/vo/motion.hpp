@@ -65,16 +65,16 @@ std::vector<cv::Point2f> predictPixelsByFlow(const std::vector<Feature>& feature
 /// Sets Feature::to_stamp of the features in a camera at T_w_c, from the depths that
 /// predictPixels() uses. readout_motion: see VoFrame; readout_angle_sigma: standard deviation of
 /// its rotation [rad].
-void shiftToStamp(const PinholeCamera& camera, const LocalMap& map, const Eigen::Isometry3d& T_w_c,
-                  const Vector6d& readout_motion, double readout_angle_sigma,
-                  std::vector<Feature>* features);
+void shiftFeatures(const PinholeCamera& camera, const LocalMap& map, const Eigen::Isometry3d& T_w_c,
+                   const Vector6d& readout_motion, double readout_angle_sigma,
+                   std::vector<Feature>* features);
 
 /// The same for all observations of map points by keyframes, with the depths that are known now.
-void shiftToStamp(const PinholeCamera& camera, LocalMap* map);
+void shiftObservations(const PinholeCamera& camera, LocalMap* map);
 
 /// The same without a map, by the flow. First corrects the flow for the time between the exposures
 /// of the feature's rows in both images. dt: between their stamps [s].
-void shiftToStampByFlow(const PinholeCamera& camera, double readout_time, double dt,
-                        std::vector<Feature>* features);
+void shiftFeaturesByFlow(const PinholeCamera& camera, double readout_time, double dt,
+                         std::vector<Feature>* features);
 
 }  // namespace ground_scale_vo

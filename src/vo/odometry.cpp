@@ -7,7 +7,6 @@
 
 #include "common/time.hpp"
 #include "vo/pose.hpp"
-#include "vo/pose_search.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -90,26 +89,28 @@ VisualOdometry::Output VisualOdometry::Impl::process(const cv::Mat& image, std::
   requireImage(image, camera_);
   const Stopwatch total;
   Frame frame;
-  frame.out.frame.stamp_ns = stamp_ns;
-  frame.out.frame.sequence = next_sequence_++;
-  frame.out.frame.camera = camera_;
+  frame.stamp_ns = stamp_ns;
   frame.image = tracking_.preprocess(image);
-  frame.out.times.pyramid = total.ms();
+  frame.times.pyramid = total.ms();
   const std::vector<Feature> previous = tracking_.features();
   const std::vector<Feature> visible =
       status_ == VoStatus::kInitialising ? initialise(&frame) : track(&frame);
-  fill(visible, &frame.out.frame);
-  frame.out.rejected = rejectedOf(previous, frame.found, frame.outliers);
-  frame.out.times.total = total.ms();
+  Output output;
+  output.frame = toVoFrame(frame, visible);
+  output.start = std::move(frame.start);
+  output.rejected = rejectedOf(previous, frame.found, frame.outliers);
+  output.times = frame.times;
+  output.times.total = total.ms();
+  ++sequence_;
   continuity_ = Continuity::kSameMap;
-  return std::move(frame.out);
+  return output;
 }
 
 // --- Without a map -----------------------------------------------------------------------------
 
 /// Returns the features tracked in the frame.
 std::vector<Feature> VisualOdometry::Impl::initialise(Frame* frame) {
-  const std::int64_t stamp_ns = frame->out.frame.stamp_ns;
+  const std::int64_t stamp_ns = frame->stamp_ns;
   const std::vector<Feature>& found = frame->found;
   if (!tracking_.features().empty()) {
     trackByFlow(frame);
@@ -117,18 +118,18 @@ std::vector<Feature> VisualOdometry::Impl::initialise(Frame* frame) {
   }
   if (!initialisation_.canContinueWith(found.size())) trackByMatching(frame);
   if (!initialisation_.canContinueWith(found.size())) {
-    if (frame->out.frame.sequence > 0) {
+    if (sequence_ > 0) {
       rotation_to_start_ = rotation_to_start_.then(initialisation_.rotationSinceFirst(found));
     }
     restart(frame);
     return tracking_.features();
   }
   if (options_.readout_time > 0) {
-    shiftToStampByFlow(camera_, options_.readout_time, tracking_.secondsUntil(stamp_ns),
-                       &frame->found);
+    shiftFeaturesByFlow(camera_, options_.readout_time, tracking_.secondsUntil(stamp_ns),
+                        &frame->found);
   }
   initialisation_.addFrame(stamp_ns, found);
-  ScopedTimer timer(&frame->out.times.pose);
+  ScopedTimer timer(&frame->times.pose);
   if (auto poses = initialisation_.tryStartMap(found, frame->image, &mapping_)) {
     startMap(std::move(*poses), frame);
   } else if (!tracking_.advanceUnlessStandstill(std::move(frame->image), stamp_ns, found)) {
@@ -138,8 +139,8 @@ std::vector<Feature> VisualOdometry::Impl::initialise(Frame* frame) {
 }
 
 void VisualOdometry::Impl::trackByFlow(Frame* frame) const {
-  ScopedTimer timer(&frame->out.times.track);
-  const std::int64_t stamp_ns = frame->out.frame.stamp_ns;
+  ScopedTimer timer(&frame->times.track);
+  const std::int64_t stamp_ns = frame->stamp_ns;
   const bool has_flow = tracking_.features().front().age > 0;
   const auto predicted =
       has_flow ? predictPixelsByFlow(tracking_.features(), tracking_.secondsUntil(stamp_ns))
@@ -155,7 +156,7 @@ void VisualOdometry::Impl::trackByMatching(Frame* frame) const {
   const auto matches = matchDescriptors(previous, next);
   if (matches.size() < kMinPredictingMatches) return;
   std::vector<Feature> again =
-      tracking_.track(frame->image, frame->out.frame.stamp_ns,
+      tracking_.track(frame->image, frame->stamp_ns,
                       predictPixelsByMatches(previous.points(), next.points(), matches),
                       Eigen::Matrix3d::Identity());
   if (again.size() > frame->found.size()) frame->found = std::move(again);
@@ -171,20 +172,19 @@ void VisualOdometry::Impl::startMap(std::vector<StampedPose> poses, Frame* frame
   map_start_ = {poses.front().stamp_ns, rotation_to_start_.R_2_1.transpose(),
                 rotation_to_start_.sigma};
   pose_covariance_ =
-      ground_scale_vo::estimatePose(motion_.T_w_c(),
-                                    pointObservations(map, observationsOf(camera_, frame->found)))
+      estimatePose(motion_.T_w_c(), pointObservations(map, observationsOf(camera_, frame->found)))
           .covariance;
-  frame->out.start = std::move(poses);
-  frame->out.frame.keyframe = true;
-  tracking_.advance(std::move(frame->image), frame->out.frame.stamp_ns, frame->found);
+  frame->start = std::move(poses);
+  frame->keyframe = true;
+  tracking_.advance(std::move(frame->image), frame->stamp_ns, frame->found);
   tracking_.detectNew();
   shiftToStamp(motion_, &tracking_.features());
 }
 
 /// Restarts the initialisation with this frame as the first one.
 void VisualOdometry::Impl::restart(Frame* frame) {
-  ScopedTimer timer(&frame->out.times.detect);
-  const std::int64_t stamp_ns = frame->out.frame.stamp_ns;
+  ScopedTimer timer(&frame->times.detect);
+  const std::int64_t stamp_ns = frame->stamp_ns;
   status_ = VoStatus::kInitialising;
   mapping_.map().clear();
   frame->image.exposure = 1;
@@ -199,18 +199,17 @@ void VisualOdometry::Impl::restart(Frame* frame) {
 std::vector<Feature> VisualOdometry::Impl::track(Frame* frame) {
   const bool was_lost = status_ == VoStatus::kLost;
   findFeatures(nullptr, frame);
-  if (!estimatePose(motion_.predict(frame->out.frame.stamp_ns), frame) && !relocalise(frame)) {
+  if (!localise(motion_.predict(frame->stamp_ns), frame) && !relocalise(frame)) {
     return {};
   }
   // After an interruption many features are wrong: they would become observations of a keyframe.
-  if (was_lost) removeInconsistent(motion_.T_w_c(), frame);
+  if (was_lost) rejectInconsistent(motion_.T_w_c(), frame);
   status_ = VoStatus::kTracking;
   interruption_.end();
   if (mapping_.needsKeyframe(motion_.T_w_c(), frame->found)) {
     addKeyframe(frame);
   } else {
-    tracking_.advanceUnlessStandstill(std::move(frame->image), frame->out.frame.stamp_ns,
-                                      frame->found);
+    tracking_.advanceUnlessStandstill(std::move(frame->image), frame->stamp_ns, frame->found);
   }
   return frame->found;
 }
@@ -219,8 +218,8 @@ std::vector<Feature> VisualOdometry::Impl::track(Frame* frame) {
 /// relocalised: predicts the pose of the image instead of the motion model, and supplies features
 /// that cannot be tracked; may be null.
 void VisualOdometry::Impl::findFeatures(const RelocalisedPose* relocalised, Frame* frame) {
-  const std::int64_t stamp_ns = frame->out.frame.stamp_ns;
-  StageTimes& times = frame->out.times;
+  const std::int64_t stamp_ns = frame->stamp_ns;
+  StageTimes& times = frame->times;
   const auto predict = [&] { return relocalised ? relocalised->T_w_c : motion_.predict(stamp_ns); };
   frame->outliers.clear();  // of an attempt from another predicted pose
   {
@@ -249,13 +248,13 @@ void VisualOdometry::Impl::findFeatures(const RelocalisedPose* relocalised, Fram
 
 /// Estimates the pose and removes the outliers. Returns false, without a new pose, when there is
 /// none.
-bool VisualOdometry::Impl::estimatePose(const Eigen::Isometry3d& predicted_T_w_c, Frame* frame) {
-  ScopedTimer timer(&frame->out.times.pose);
-  const std::int64_t stamp_ns = frame->out.frame.stamp_ns;
+bool VisualOdometry::Impl::localise(const Eigen::Isometry3d& predicted_T_w_c, Frame* frame) {
+  ScopedTimer timer(&frame->times.pose);
+  const std::int64_t stamp_ns = frame->stamp_ns;
   std::vector<std::size_t> index;  // indices of the observed features in `found`
   const auto estimate = [&](const Eigen::Isometry3d& initial) {
     index.clear();
-    return ground_scale_vo::estimatePose(
+    return estimatePose(
         initial, pointObservations(mapping_.map(), observationsOf(camera_, frame->found), &index));
   };
   PoseEstimate pose = estimate(predicted_T_w_c);
@@ -273,13 +272,13 @@ bool VisualOdometry::Impl::estimatePose(const Eigen::Isometry3d& predicted_T_w_c
   pose_covariance_ = pose.covariance;
   std::vector<bool> inlier(frame->found.size(), true);
   for (std::size_t k = 0; k < index.size(); ++k) inlier[index[k]] = pose.inlier[k];
-  removeOutliers(motion_.T_w_c().inverse() * T_w_previous, inlier, frame);
+  rejectOutliers(motion_.T_w_c().inverse() * T_w_previous, inlier, frame);
   return true;
 }
 
 /// Removes features that were outliers of the pose in too many consecutive frames, and features
 /// without a map point that are off their epipolar line.
-void VisualOdometry::Impl::removeOutliers(const Eigen::Isometry3d& T_c_previous,
+void VisualOdometry::Impl::rejectOutliers(const Eigen::Isometry3d& T_c_previous,
                                           const std::vector<bool>& inlier, Frame* frame) {
   const std::vector<Feature> previous = entriesOf(frame->found, tracking_.features());
   std::size_t next = 0;
@@ -299,7 +298,7 @@ void VisualOdometry::Impl::removeOutliers(const Eigen::Isometry3d& T_c_previous,
 /// Finds the pose of an image in which tracking has failed, by descriptors or by a search. Returns
 /// false when there is none; after several images with texture a new map starts.
 bool VisualOdometry::Impl::relocalise(Frame* frame) {
-  const std::int64_t stamp_ns = frame->out.frame.stamp_ns;
+  const std::int64_t stamp_ns = frame->stamp_ns;
   const Descriptors previous = tracking_.describeFeatures();
   Descriptors corners = tracking_.describeCorners(frame->image);
   auto pose = locateByDescriptors(camera_, mapping_.map(), motion_, tracking_.features(), previous,
@@ -333,12 +332,12 @@ bool VisualOdometry::Impl::relocalise(Frame* frame) {
 /// interruption are wrong, so the pose is estimated from those that are consistent with it.
 bool VisualOdometry::Impl::trackFrom(const RelocalisedPose& pose, Frame* frame) {
   findFeatures(&pose, frame);
-  removeInconsistent(pose.T_w_c, frame);
-  return estimatePose(pose.T_w_c, frame);
+  rejectInconsistent(pose.T_w_c, frame);
+  return localise(pose.T_w_c, frame);
 }
 
 /// Removes the features that are not at the projections of their map points.
-void VisualOdometry::Impl::removeInconsistent(const Eigen::Isometry3d& T_w_c, Frame* frame) const {
+void VisualOdometry::Impl::rejectInconsistent(const Eigen::Isometry3d& T_w_c, Frame* frame) const {
   const Eigen::Isometry3d T_c_w = T_w_c.inverse();
   const auto isInconsistent = [&](const Feature& feature) {
     const auto point = mapping_.map().point(feature.id);
@@ -350,14 +349,14 @@ void VisualOdometry::Impl::removeInconsistent(const Eigen::Isometry3d& T_w_c, Fr
 }
 
 void VisualOdometry::Impl::addKeyframe(Frame* frame) {
-  frame->out.frame.keyframe = true;
-  tracking_.advance(std::move(frame->image), frame->out.frame.stamp_ns, frame->found);
+  frame->keyframe = true;
+  tracking_.advance(std::move(frame->image), frame->stamp_ns, frame->found);
   {
-    ScopedTimer timer(&frame->out.times.detect);
+    ScopedTimer timer(&frame->times.detect);
     tracking_.detectNew();
     shiftToStamp(motion_, &tracking_.features());
   }
-  ScopedTimer timer(&frame->out.times.triangulate);
+  ScopedTimer timer(&frame->times.triangulate);
   mapping_.addKeyframe(motion_.T_w_c(), tracking_.features(), tracking_.image(),
                        readoutMotion(motion_));
 }
@@ -368,23 +367,28 @@ void VisualOdometry::Impl::addKeyframe(Frame* frame) {
 void VisualOdometry::Impl::shiftToStamp(const MotionModel& moved,
                                         std::vector<Feature>* features) const {
   if (options_.readout_time == 0) return;
-  ground_scale_vo::shiftToStamp(
-      camera_, mapping_.map(), moved.T_w_c(), readoutMotion(moved),
-      kRotationRateSigma * options_.readout_time * moved.rotationRateChange(), features);
+  shiftFeatures(camera_, mapping_.map(), moved.T_w_c(), readoutMotion(moved),
+                kRotationRateSigma * options_.readout_time * moved.rotationRateChange(), features);
 }
 
-void VisualOdometry::Impl::fill(const std::vector<Feature>& visible, VoFrame* frame) const {
-  frame->status = status_;
-  frame->map_id = map_id_;
-  frame->continuity = continuity_;
-  if (status_ != VoStatus::kInitialising) frame->map_start = map_start_;
+VoFrame VisualOdometry::Impl::toVoFrame(const Frame& frame,
+                                        const std::vector<Feature>& visible) const {
+  VoFrame result;
+  result.stamp_ns = frame.stamp_ns;
+  result.sequence = sequence_;
+  result.status = status_;
+  result.map_id = map_id_;
+  result.continuity = continuity_;
+  result.keyframe = frame.keyframe;
+  result.camera = camera_;
+  if (status_ != VoStatus::kInitialising) result.map_start = map_start_;
   if (status_ == VoStatus::kTracking) {
-    frame->pose_covariance = pose_covariance_;
-    frame->T_w_c = motion_.T_w_c();
-    frame->readout_motion = readoutMotion(motion_);
+    result.pose_covariance = pose_covariance_;
+    result.T_w_c = motion_.T_w_c();
+    result.readout_motion = readoutMotion(motion_);
   }
   const Eigen::Isometry3d T_c_w = motion_.T_w_c().inverse();
-  frame->features.reserve(visible.size());
+  result.features.reserve(visible.size());
   for (const Feature& feature : visible) {
     TrackedFeature tracked;
     tracked.id = feature.id;
@@ -397,8 +401,9 @@ void VisualOdometry::Impl::fill(const std::vector<Feature>& visible, VoFrame* fr
       with_point.depth_sigma = static_cast<float>(std::abs((T_c_w.linear() * point->sigma_w).z()));
       if (hasUsablePoint(with_point)) tracked = with_point;
     }
-    frame->features.push_back(tracked);
+    result.features.push_back(tracked);
   }
+  return result;
 }
 
 VisualOdometry::VisualOdometry(const PinholeCamera& camera, const Options& options,

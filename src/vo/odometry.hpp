@@ -25,10 +25,13 @@ class VisualOdometry::Impl {
  private:
   /// A frame while it is processed.
   struct Frame {
+    std::int64_t stamp_ns = 0;
     ImagePyramid image;
     std::vector<Feature> found;     ///< in the image
     std::vector<Feature> outliers;  ///< found and removed
-    Output out;
+    bool keyframe = false;
+    std::vector<StampedPose> start;  ///< see Output
+    StageTimes times;
   };
 
   std::vector<Feature> initialise(Frame* frame);
@@ -39,19 +42,19 @@ class VisualOdometry::Impl {
 
   std::vector<Feature> track(Frame* frame);
   void findFeatures(const RelocalisedPose* relocalised, Frame* frame);
-  bool estimatePose(const Eigen::Isometry3d& predicted_T_w_c, Frame* frame);
-  void removeOutliers(const Eigen::Isometry3d& T_c_previous, const std::vector<bool>& inlier,
+  bool localise(const Eigen::Isometry3d& predicted_T_w_c, Frame* frame);
+  void rejectOutliers(const Eigen::Isometry3d& T_c_previous, const std::vector<bool>& inlier,
                       Frame* frame);
   bool relocalise(Frame* frame);
   bool trackFrom(const RelocalisedPose& pose, Frame* frame);
-  void removeInconsistent(const Eigen::Isometry3d& T_w_c, Frame* frame) const;
+  void rejectInconsistent(const Eigen::Isometry3d& T_w_c, Frame* frame) const;
   void addKeyframe(Frame* frame);
 
   Vector6d readoutMotion(const MotionModel& moved) const {
     return options_.readout_time * moved.velocity();
   }
   void shiftToStamp(const MotionModel& moved, std::vector<Feature>* features) const;
-  void fill(const std::vector<Feature>& visible, VoFrame* frame) const;
+  VoFrame toVoFrame(const Frame& frame, const std::vector<Feature>& visible) const;
 
   const Options options_;
   const PinholeCamera camera_;
@@ -67,7 +70,7 @@ class VisualOdometry::Impl {
   VoStatus status_ = VoStatus::kInitialising;
   std::uint32_t map_id_ = 0;
   Continuity continuity_ = Continuity::kNewTrajectory;  ///< of the frame that is processed
-  std::uint32_t next_sequence_ = 0;
+  std::uint32_t sequence_ = 0;                          ///< of the current image
   MapStart map_start_;
   /// From the last frame with a pose, or from the first image, to the first frame of the next map.
   RelativeRotation rotation_to_start_{Eigen::Matrix3d::Identity(), 0};

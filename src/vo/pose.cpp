@@ -60,7 +60,7 @@ struct ObservationArrays {
   std::vector<double> numbers;  // nine arrays of this size
 
   explicit ObservationArrays(const std::vector<PointObservation>& observations)
-      : size(paddedDoubles(observations.size())), numbers(9 * size) {
+      : size(padded(observations.size(), kSimdDoubles)), numbers(9 * size) {
     for (std::size_t i = 0; i < size; ++i) {
       const bool copy = i >= observations.size();
       const PointObservation& o = copy ? observations.back() : observations[i];
@@ -115,29 +115,23 @@ struct LinearisedObservations {
   }
 };
 
-/// Normal equations with the weights of the kernel.
-GSV_VECTOR_LOOP void sumWeighted(const Eigen::Isometry3d& T_c_w, const ObservationArrays& arrays,
-                                 double scale, ProjectionSums* sums) {
-  const Doubles zero = {};
-  for (std::size_t i = 0; i < arrays.size; i += kSimdDoubles) {
-    const LinearisedObservations l(T_c_w, arrays, i);
-    const Doubles root = 1 / (1 + l.distance2 / (scale * scale * kGemanMcClure));
-    const Doubles weight = l.behind ? zero : root * root;
-    sums->add(l.J, weight * l.xx, weight * l.xy, weight * l.yy, l.r_x, l.r_y);
-  }
-}
-
-/// Squared Mahalanobis distances, infinite behind the camera, and the normal equations of those
-/// below a limit. distances2: padded to whole vectors.
-GSV_VECTOR_LOOP void sumInliers(const Eigen::Isometry3d& T_c_w, const ObservationArrays& arrays,
-                                double limit2, double* distances2, ProjectionSums* sums) {
+/// Adds the normal equations, weighted by the kernel of this scale, or with a scale of 0 those of
+/// the inliers alone. distances2: set to the squared Mahalanobis distances, infinite behind the
+/// camera; padded to whole vectors.
+GSV_VECTOR_LOOP void sumObservations(const Eigen::Isometry3d& T_c_w,
+                                     const ObservationArrays& arrays, double scale,
+                                     double* distances2, ProjectionSums* sums) {
   const double infinity = std::numeric_limits<double>::infinity();
   const Doubles infinite = {infinity, infinity, infinity, infinity};
   const Doubles zero = {}, one = {1, 1, 1, 1};
   for (std::size_t i = 0; i < arrays.size; i += kSimdDoubles) {
     const LinearisedObservations l(T_c_w, arrays, i);
     const Doubles distance2 = l.behind ? infinite : l.distance2;
-    const Doubles weight = distance2 < limit2 ? one : zero;
+    Doubles weight = distance2 < kInlierSigma * kInlierSigma ? one : zero;
+    if (scale > 0) {
+      const Doubles root = 1 / (1 + distance2 / (scale * scale * kGemanMcClure));
+      weight = root * root;
+    }
     simd(distances2 + i) = distance2;
     sums->add(l.J, weight * l.xx, weight * l.xy, weight * l.yy, l.r_x, l.r_y);
   }
@@ -159,11 +153,12 @@ PoseEstimate minimiseReprojections(const Eigen::Isometry3d& start_T_w_c,
                                    int min_inliers, double min_inlier_share) {
   PoseEstimate result;
   const ObservationArrays arrays(observations);
+  std::vector<double> distances2(arrays.size);
   Eigen::Isometry3d T_c_w = start_T_w_c.inverse();
   for (int iteration = 0; iteration < kMaxPoseIterations; ++iteration) {
     const double scale = std::max(1.0, kInitialScale / (iteration + 1));
     ProjectionSums sums;
-    sumWeighted(T_c_w, arrays, scale, &sums);
+    sumObservations(T_c_w, arrays, scale, distances2.data(), &sums);
     Matrix6d H = sums.hessian();
     const Vector6d b = -sums.gradientSum();
     H.diagonal() *= kDiagonalFactor;
@@ -175,15 +170,13 @@ PoseEstimate minimiseReprojections(const Eigen::Isometry3d& start_T_w_c,
 
   result.T_w_c = T_c_w.inverse();
   result.T_w_c.linear() = renormalised(result.T_w_c.linear());
-  std::vector<double> distances2(arrays.size);
-  const double limit2 = kInlierSigma * kInlierSigma;
   ProjectionSums sums;
-  sumInliers(T_c_w, arrays, limit2, distances2.data(), &sums);
+  sumObservations(T_c_w, arrays, 0, distances2.data(), &sums);
   distances2.resize(observations.size());
   result.covariance = covarianceOf(sums.hessian(), distances2);
   result.inlier.reserve(observations.size());
   for (std::size_t i = 0; i < observations.size(); ++i) {
-    const bool inlier = distances2[i] < limit2;
+    const bool inlier = distances2[i] < kInlierSigma * kInlierSigma;
     result.inlier.push_back(inlier);
     result.inliers += inlier;
   }

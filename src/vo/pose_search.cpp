@@ -1,5 +1,3 @@
-#include "vo/pose_search.hpp"
-
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -8,6 +6,7 @@
 
 #include "ground_scale_vo/common/math.hpp"
 #include "ground_scale_vo/common/se3.hpp"
+#include "vo/recovery.hpp"
 
 namespace ground_scale_vo {
 namespace {

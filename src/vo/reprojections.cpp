@@ -111,7 +111,7 @@ void Reprojections::assign(const std::vector<Residual>& residuals,
   begin_.assign(groups + 1, 0);
   for (const Residual& residual : residuals) ++begin_[residual.group + 1];
   for (std::size_t g = 0; g < groups; ++g) {
-    begin_[g + 1] = begin_[g] + paddedDoubles(begin_[g + 1]);
+    begin_[g + 1] = begin_[g] + padded(begin_[g + 1], kSimdDoubles);
   }
   const std::size_t size = begin_.back();
   for (auto* array : {&ray_x_, &ray_y_, &x_, &y_, &weight_, &rho_, &u_x_, &u_y_, &inverse_z_, &e_x_,
@@ -124,7 +124,7 @@ void Reprojections::assign(const std::vector<Residual>& residuals,
   std::vector<std::size_t> next(begin_.begin(), begin_.end() - 1);
   for (const Residual& residual : residuals) {
     const std::size_t i = next[residual.group]++;
-    const std::size_t end = paddedDoubles(i + 1);
+    const std::size_t end = padded(i + 1, kSimdDoubles);
     for (std::size_t k = i; k < end; ++k) {
       landmark_[k] = residual.landmark;
       row_[k] = k == i ? residual.row : kPaddingRow;

@@ -216,7 +216,7 @@ const std::string kPng =
     "\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\0\x01\x02\0\0\0\x03"s + "\0\0\0\0IEND\xae\x42\x60\x82"s;
 const std::string kJpeg = "\xff\xd8\xff\xe0\0\x04JF\xff\xc0\0\x0b\x08\0\x03\x01\x02\x01\xff\xd9"s;
 
-TEST(EncodedImage, IsDecodedOnlyIfItIsWholeAndOfAPlausibleSize) {
+TEST(EncodedImage, IsDecodedOnlyIfItIsWhole) {
   const auto refusal = [](const std::string& image) -> std::string {
     try {
       decodePixels(image);
@@ -233,20 +233,9 @@ TEST(EncodedImage, IsDecodedOnlyIfItIsWholeAndOfAPlausibleSize) {
   // OpenCV 4.6 decodes the beginning of a truncated JPEG and only prints a warning.
   EXPECT_EQ(refusal(kJpeg.substr(0, kJpeg.size() - 1)), "is not a whole PNG or JPEG image");
   EXPECT_EQ(refusal(""), "is not a whole PNG or JPEG image");
-  // Bytes that decoders skip: a marker without a length, and one that is not part of a segment.
-  for (const std::string& skipped : {"\xff\x01"s, "\0"s}) {
-    std::string jpeg = kJpeg;
-    jpeg[13] = jpeg[15] = '\x7f';  // height and width
-    jpeg.insert(2, skipped);
-    EXPECT_EQ(refusal(jpeg), "states 32514 x 32515 pixels, more than are plausible");
-  }
-  EXPECT_EQ(refusal("\xff\xd8\xff\xd9"s), "states no image size");
-  std::string flat = kPng;
-  flat[23] = 0;  // the least significant byte of the height
-  EXPECT_EQ(refusal(flat), "states no image size");
   std::string huge = kPng;
   huge[16] = huge[20] = '\x7f';  // the most significant bytes of width and height
-  EXPECT_EQ(refusal(huge), "states 2130706690 x 2130706435 pixels, more than are plausible");
+  EXPECT_EQ(refusal(huge), "cannot be decoded as an image");
 }
 
 using ImageFile = TemporaryFolder;

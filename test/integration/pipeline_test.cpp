@@ -77,18 +77,6 @@ TEST(Pipeline, TheSameInputTwiceGivesTheSameBytes) {
   EXPECT_TRUE(run() == run());
 }
 
-TEST(MetricOdometry, StatusWithoutAPoseIsThatOfTheOdometry) {
-  using Status = MetricOdometry::Status;
-  MetricOdometry::Output output;
-  for (const auto& [vo, expected] :
-       {std::pair(VoStatus::kInitialising, Status::kInitialising),
-        std::pair(VoStatus::kTracking, Status::kInitialising),  // no scale yet
-        std::pair(VoStatus::kLost, Status::kLost)}) {
-    output.vo.frame.status = vo;
-    EXPECT_EQ(output.status(), expected) << toString(vo);
-  }
-}
-
 TEST(Pipeline, TheOptionsOfThePaperRun) {
   SyntheticDrive::Options drive_options = smallImages();
   drive_options.frames = 60;

@@ -11,19 +11,6 @@ namespace ground_scale_vo {
 namespace {
 
 const cv::Size kSize(400, 248);
-const cv::Point2f kPoint(200, 120);
-
-TEST(DescriptorMatching, AMatchIsTheBestInBothDirectionsAndDistinct) {
-  const cv::Mat image = test::blurredNoise(1, kSize);
-  const Descriptors once(image, {kPoint}), twice(image, {kPoint, kPoint});
-  EXPECT_EQ(matchDescriptors(twice, once).size(), 1u);
-  EXPECT_TRUE(matchDescriptors(once, twice).empty()) << "the second is as good";
-  const auto matches = matchDescriptors(once, {image, {{100, 60}, kPoint}});
-  ASSERT_EQ(matches.size(), 1u);
-  EXPECT_EQ(matches[0].from, 0u);
-  EXPECT_EQ(matches[0].to, 1u);
-  EXPECT_TRUE(matchDescriptors(once, {test::blurredNoise(2, kSize), {kPoint}}).empty());
-}
 
 TEST(DescriptorMatching, MatchesPointsOfAnotherSize) {
   const cv::Mat image = test::blurredNoise(3, kSize);

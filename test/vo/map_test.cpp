@@ -7,6 +7,7 @@
 #include <random>
 
 #include "support/scene.hpp"
+#include "vo/mapping.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -51,49 +52,6 @@ TEST(LocalMap, HasTheTruePointsAlsoAfterTheirAnchorsLeft) {
   LocalMap map = mapOf(points, 2);
   for (int k = 2; k < kMostKeyframes + 4; ++k) map.addKeyframe(keyframePose(k), {});
   EXPECT_TRUE(map.landmarks().empty()) << "they are no longer observed";
-}
-
-TEST(LocalMap, OnlyPreciseDepthsThatFitAllObservationsEnterIt) {
-  struct Case {
-    double error;  // of one observation, across the direction of motion
-    double sigma;  // of the observations
-    bool enters;
-  };
-  for (const Case& c :
-       {Case{0, 5 * kObservationSigma, true}, Case{0.01, 5 * kObservationSigma, false},
-        Case{0.002, 5 * kObservationSigma, true}, Case{0, 60 * kObservationSigma, false}}) {
-    LocalMap map;
-    for (int k = 0; k < 4; ++k) {
-      auto corners = observe({kLandmark}, keyframePose(k));
-      corners[0].sigma = c.sigma;
-      if (k == 2) corners[0].x.y() += c.error;
-      map.addKeyframe(keyframePose(k), corners);
-    }
-    map.triangulateNew();
-    EXPECT_EQ(map.point(0).has_value(), c.enters) << c.error << ' ' << c.sigma;
-  }
-  LocalMap at_rest;
-  for (int k = 0; k < 5; ++k) {
-    at_rest.addKeyframe(keyframePose(0), observe({kLandmark}, keyframePose(0)));
-  }
-  at_rest.triangulateNew();
-  EXPECT_FALSE(at_rest.point(0));
-}
-
-TEST(LocalMap, RemovesWrongObservationsAndPointsBehindTheCamera) {
-  LocalMap map = mapOf({kLandmark, {1, 1, 9}, {1, 1, 10}, {-1, 1, 9}}, 3);
-  auto corners = observe({kLandmark, {1, 1, 9}}, keyframePose(3));
-  corners[0].x.x() += 0.05;
-  map.addKeyframe(keyframePose(3), corners);
-  const Eigen::Isometry3d behind = pose({0, 0, 0}, {0, 0, 20});
-  map.addKeyframe(behind, {observe({kLandmark, {1, 1, 9}, {1, 1, 10}}, behind)[2]});
-  map.find(3)->depth = InverseDepth{-0.1, 0.01};
-  EXPECT_FALSE(map.point(3)) << "a negative depth";
-  map.removeOutliers();
-  EXPECT_EQ(map.find(0)->observations.size(), 3u);
-  EXPECT_EQ(map.find(1)->observations.size(), 4u);
-  EXPECT_EQ(map.find(2)->observations.size(), 3u);
-  EXPECT_EQ(map.find(3), nullptr);
 }
 
 /// Standard deviation of a point along its ray [VO units], from random errors of its observations.
@@ -145,6 +103,39 @@ TEST(LocalMap, ThereIsNoDepthInANewAnchorThatHasPassedThePoint) {
   }
   ASSERT_EQ(map.find(0)->observations.front().keyframe, 1u);
   EXPECT_FALSE(map.find(0)->depth);
+}
+
+// At a standstill they would displace all others. But small steps add up: otherwise a camera that
+// creeps would never get another keyframe.
+TEST(Mapping, KeyframesAtOnePlaceReplaceEachOther) {
+  const auto points = test::farPoints(150);
+  Mapping mapping(test::kCamera, {});
+  const auto& keyframes = mapping.map().keyframes();
+  const auto add = [&](const Eigen::Isometry3d& T_w_c, std::uint64_t first_id = 0) {
+    std::vector<Feature> features;
+    for (const Observation& corner : observe(points, T_w_c)) {
+      Feature feature;
+      feature.id = first_id + corner.id;
+      feature.u = test::kCamera.project(corner.x.homogeneous());
+      feature.sigma = corner.sigma;
+      features.push_back(feature);
+    }
+    double duration_ms = 0;
+    mapping.addKeyframe(T_w_c, features, {});
+    mapping.applyAdjustment(&duration_ms);
+  };
+  mapping.map().addKeyframe(keyframePose(0), observe(points, keyframePose(0)));
+  for (const int k : {1, 2, 3, 3, 3, 3}) add(keyframePose(k));
+  EXPECT_EQ(keyframes.size(), 5u);
+  EXPECT_EQ(mapping.map().find(7)->observations.size(), 5u);
+  for (const double step : {1, 2, 3}) {
+    // About 0.7 of the least parallax between two places for each step.
+    add(keyframePose(3) * pose({0, 0, 0}, {0.035 * step, 0, 0}));
+    EXPECT_EQ(keyframes.size(), step < 3 ? 5u : 6u) << step;
+  }
+  // Without known features, after a gap of the images, it is not at the place of the last one.
+  add(keyframePose(8), 1000);
+  EXPECT_TRUE(keyframes.back().has_parallax);
 }
 
 }  // namespace

@@ -5,57 +5,9 @@
 #include <cmath>
 
 #include "ground_scale_vo/common/se3.hpp"
-#include "support/scene.hpp"
 
 namespace ground_scale_vo {
 namespace {
-
-using test::angleBetween;
-using test::pose;
-
-constexpr std::int64_t kFramePeriod = 100000000;  // [ns]
-
-/// From one image to the next.
-Eigen::Isometry3d step() { return pose({0, 0.1, 0}, {0.2, 0, 1}); }
-
-/// Pose i of a camera that makes this step in each period.
-Eigen::Isometry3d poseAt(int i) {
-  Eigen::Isometry3d T = pose({0.5, 0, 0.3}, {7, 8, 9});
-  for (int k = 0; k < i; ++k) T = T * step();
-  return T;
-}
-
-MotionModel drivenUntil(int i) {
-  MotionModel motion({0, poseAt(0)});
-  for (int k = 1; k <= i; ++k) motion.update({k * kFramePeriod, poseAt(k)});
-  return motion;
-}
-
-void expectPose(const Eigen::Isometry3d& actual, const Eigen::Isometry3d& expected,
-                double tolerance = 1e-9) {
-  EXPECT_LT(angleBetween(actual, expected), tolerance);
-  EXPECT_LT((actual.translation() - expected.translation()).norm(), tolerance);
-}
-
-TEST(MotionModel, ContinuesWithTheLastVelocityInCameraAxes) {
-  const MotionModel at_start({0, poseAt(0)});
-  expectPose(at_start.predict(kFramePeriod), poseAt(0));
-  MotionModel motion = drivenUntil(3);
-  expectPose(motion.predict(4 * kFramePeriod), poseAt(4));
-  EXPECT_DOUBLE_EQ(motion.stepsSince(5 * kFramePeriod), 2);
-  // Per second: half of the step in half of the time, its rotation and its translation each.
-  expectPose(motion.predict(3 * kFramePeriod + kFramePeriod / 2),
-             poseAt(3) * pose({0, 0.05, 0}, {0.1, 0, 0.5}));
-  const Eigen::Isometry3d correction = pose({0.1, 0.2, 0.3}, {1, -2, 3});
-  motion.correct(correction);
-  expectPose(motion.predict(4 * kFramePeriod), correction * poseAt(4));
-}
-
-TEST(MotionModel, PredictionEndsAndExtrapolationDoesNot) {
-  const MotionModel motion = drivenUntil(2);
-  expectPose(motion.predict(100 * kFramePeriod), motion.predict(1000 * kFramePeriod));
-  expectPose(motion.extrapolate(22 * kFramePeriod), poseAt(2) * pose({0, 2, 0}, {4, 0, 20}));
-}
 
 const PinholeCamera kRollingCamera{640, 480, 400, 400, 320, 240};
 
@@ -91,8 +43,8 @@ TEST(RollingShutter, MapPointsAreShiftedToTheStamp) {
   for (std::size_t i = 0; i < depths.size(); ++i) {
     map.find(i)->depth = InverseDepth{1 / depths[i], 1e-3};
   }
-  shiftToStamp(kRollingCamera, map, Eigen::Isometry3d::Identity(), readout_motion, 0.002,
-               &features);
+  shiftFeatures(kRollingCamera, map, Eigen::Isometry3d::Identity(), readout_motion, 0.002,
+                &features);
   for (std::size_t i = 0; i < features.size(); ++i) {
     const double before = (features[i].u - expected[i]).norm();
     EXPECT_GT(before, 1) << i;
@@ -117,7 +69,7 @@ TEST(RollingShutter, FlowIsCorrectedForTheRows) {
   feature.u = pixelAfter(kInterval);
   feature.flow = (feature.u - pixelAfter(0)) / kInterval;
   std::vector<Feature> features{feature};
-  shiftToStampByFlow(kRollingCamera, kReadout, kInterval, &features);
+  shiftFeaturesByFlow(kRollingCamera, kReadout, kInterval, &features);
   EXPECT_LT((features[0].flow - flow).norm(), 1e-9);
   EXPECT_LT((features[0].atStamp() - at_first_stamp - kInterval * flow).norm(), 1e-9);
 }

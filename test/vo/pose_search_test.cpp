@@ -1,7 +1,5 @@
 // The two searches for the pose after an interruption.
 
-#include "vo/pose_search.hpp"
-
 #include <gtest/gtest.h>
 
 #include <cmath>

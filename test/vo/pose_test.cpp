@@ -30,11 +30,6 @@ std::vector<PointObservation> observationsFrom(const Eigen::Isometry3d& T_w_c, d
   return result;
 }
 
-PoseEstimate estimateFrom(const Eigen::Isometry3d& predicted,
-                          const std::vector<PointObservation>& observations) {
-  return estimatePose(predicted, observations);
-}
-
 void expectPose(const PoseEstimate& result, const Eigen::Isometry3d& T_w_c, double max_angle,
                 double max_distance) {
   ASSERT_TRUE(result.ok);
@@ -47,20 +42,20 @@ void expectPose(const PoseEstimate& result, const Eigen::Isometry3d& T_w_c, doub
 TEST(PoseEstimation, IsExactWithoutNoiseAndRobustAgainstWrongPredictionsAndOutliers) {
   const Eigen::Isometry3d T_w_c = pose({0.01, 0.05, -0.02}, {0.3, -0.1, 1.5});
   auto observations = observationsFrom(T_w_c);
-  const auto exact = estimateFrom(kOrigin, observations);
+  const auto exact = estimatePose(kOrigin, observations);
   expectPose(exact, T_w_c, 1e-8, 1e-7);
   EXPECT_EQ(exact.inliers, kMapPoints);
   // A point behind the camera counts for nothing, not even on the optical axis.
   const Eigen::Vector3d behind = T_w_c * Eigen::Vector3d(0, 0, -5);
   observations.push_back({{behind, Eigen::Vector3d::Zero()}, {0, 0}, kObservationSigma});
-  const auto with_behind = estimateFrom(kOrigin, observations);
+  const auto with_behind = estimatePose(kOrigin, observations);
   EXPECT_FALSE(with_behind.inlier.back());
   EXPECT_EQ(with_behind.inliers, kMapPoints);
 
   observations = observationsFrom(T_w_c, 0.0005);
-  expectPose(estimateFrom(pose({0, 0.6, 0}, {-5, 0, 8}), observations), T_w_c, 1e-3, 0.1);
+  expectPose(estimatePose(pose({0, 0.6, 0}, {-5, 0, 8}), observations), T_w_c, 1e-3, 0.1);
   for (std::size_t i = 0; i < observations.size(); i += 4) observations[i].x.x() += 0.05;
-  const auto robust = estimateFrom(kOrigin, observations);
+  const auto robust = estimatePose(kOrigin, observations);
   expectPose(robust, T_w_c, 3e-4, 0.05);
   for (std::size_t i = 0; i < observations.size(); i += 4) EXPECT_FALSE(robust.inlier[i]);
 }
@@ -81,7 +76,7 @@ TEST(PoseEstimation, TheCovarianceMatchesTheErrorsOfThePoseWhateverTheirSigma) {
       for (auto& o : observations) o.x += Eigen::Vector2d(error(generator), error(generator));
       // Few wrong ones do not count.
       for (std::size_t i = 0; i < 10; ++i) observations[i].x.x() += 0.1;
-      const auto result = estimateFrom(T_w_c, observations);
+      const auto result = estimatePose(T_w_c, observations);
       ASSERT_TRUE(result.ok);
       const Eigen::Isometry3d difference = T_w_c.inverse() * result.T_w_c;
       Vector6d motion;
@@ -111,10 +106,10 @@ std::vector<PointObservation> withMovingObjects(std::size_t share, std::size_t f
 // The points of vehicles at the same speed fit a pose without motion.
 TEST(PoseEstimation, LeavesThePredictionOnlyForAPoseThatMuchMorePointsFit) {
   const Eigen::Isometry3d T_w_c = pose({0, 0, 0}, {0, 0, 3});
-  expectPose(estimateFrom(T_w_c, withMovingObjects(26)), T_w_c, 0.01, 0.05);
-  expectPose(estimateFrom(kOrigin, withMovingObjects(21)), T_w_c, 0.01, 0.1);
+  expectPose(estimatePose(T_w_c, withMovingObjects(26)), T_w_c, 0.01, 0.05);
+  expectPose(estimatePose(kOrigin, withMovingObjects(21)), T_w_c, 0.01, 0.1);
   // Slightly more points suffice when the prediction has too few for a pose.
-  expectPose(estimateFrom(kOrigin, withMovingObjects(18, 39)), T_w_c, 0.01, 0.1);
+  expectPose(estimatePose(kOrigin, withMovingObjects(18, 39)), T_w_c, 0.01, 0.1);
 }
 
 // Half of the points have a wrong depth on their ray from v, within their sigma, which is in world
@@ -132,14 +127,14 @@ TEST(PoseEstimation, UncertainDepthsConstrainOnlyPerpendicularToTheEpipolarLine)
       }
       o.p_w = T_w_v * o.p_w;
     }
-    const auto result = estimateFrom(T_w_v, observations);
+    const auto result = estimatePose(T_w_v, observations);
     expectPose(result, T_w_v * T_v_c, 0.01, 0.03);
     EXPECT_EQ(result.inliers, kMapPoints);
   }
 }
 
 TEST(PoseEstimation, ReportsWhenThereIsNoPose) {
-  EXPECT_FALSE(estimateFrom(kOrigin, {}).ok);
+  EXPECT_FALSE(estimatePose(kOrigin, {}).ok);
   auto observations = observationsFrom(kOrigin);
   std::mt19937 generator(61);
   std::uniform_real_distribution<double> anywhere(-0.5, 0.5);
@@ -147,7 +142,7 @@ TEST(PoseEstimation, ReportsWhenThereIsNoPose) {
   for (std::size_t i = 0; i < observations.size(); ++i) {
     if (i % 3 > 0) observations[i].x = {anywhere(generator), anywhere(generator)};
   }
-  EXPECT_FALSE(estimateFrom(kOrigin, observations).ok);
+  EXPECT_FALSE(estimatePose(kOrigin, observations).ok);
 
   observations = observationsFrom(kOrigin);
   observations.resize(20);

@@ -105,10 +105,6 @@ CameraCalibration withoutDistortion(const PinholeCamera& camera);
 /// The camera of the rectified images. Precondition: hasSize().
 PinholeCamera pinholeOf(const CameraCalibration& calibration);
 
-/// Without distortion, with square pixels and the principal point in the centre. degrees:
-/// horizontal field of view. Throws OptionError.
-CameraCalibration ofFieldOfView(double degrees, const cv::Size& size);
-
 /// Throws DataError, with the likely size, when a calibration cannot be that of images of this
 /// size: it has another one, or its principal point is the centre of the image times one factor in
 /// both coordinates. Returns a warning when the principal point is far from the centre, as of

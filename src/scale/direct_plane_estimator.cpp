@@ -10,8 +10,6 @@
 
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/math.hpp"
-#include "scale/direct/patch.hpp"
-#include "scale/direct/patch_matcher.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -33,7 +31,7 @@ constexpr double kCrownSigma = 0.03, kTwistSigma = 0.01;
 /// Least slope of a viewing ray towards the road at which patches still resolve its texture.
 constexpr double kMinRaySlope = 0.02;
 /// Cosine between optical axis and backward direction from which on a camera faces backwards: its
-/// reference images show the road from nearer than the current one, so PatchExtractor smooths them
+/// reference images show the road from nearer than the current one, so PatchMatcher smooths them
 /// instead. To one that looks sideways the road is equally near in all images.
 constexpr double kMinBackwards = 0.5;
 
@@ -123,23 +121,17 @@ std::vector<Reference> selectReferences(const CameraPath& path, const RoadImage&
 
 }  // namespace
 
-DirectPlaneEstimator::Stages::Stages(const Options& options, const PinholeCamera& camera,
-                                     const cv::Mat& mask)
-    : extractor(camera, options.patch_size, kImageNoise, mask),
-      matcher(extractor.camera(), kImageNoise, extractor.allowed()) {}
-
 void DirectPlaneEstimator::setCamera(const PinholeCamera& camera, const cv::Mat& mask) {
-  if (stages_ && isSameCamera(camera_, camera) && mask_.data == mask.data) return;
+  if (matcher_ && isSameCamera(camera_, camera) && mask_.data == mask.data) return;
   camera_ = camera;
   mask_ = mask;
-  stages_.emplace(options_, camera, mask);
+  matcher_.emplace(camera, options_.patch_size, kImageNoise, mask);
   ++setting_;
 }
 
 LaneRegion DirectPlaneEstimator::laneRegion(const RoadPrior& prior, double height) const {
-  const double max_ahead =
-      std::max(options_.max_ahead_heights,
-               nearestVisibleRoad(stages_->extractor.camera(), prior) + kMinLaneLength);
+  const double max_ahead = std::max(options_.max_ahead_heights,
+                                    nearestVisibleRoad(matcher_->camera(), prior) + kMinLaneLength);
   return {prior, height, kLaneStartHeights, max_ahead, options_.lane_half_width_heights};
 }
 
@@ -212,8 +204,8 @@ double DirectPlaneEstimator::meanCorrelation(const Eigen::Vector3d& m) const {
   for (std::size_t i = 0; i < patches_.size(); i += kSearchStride) {
     const Patch& patch = patches_[i];
     all_weights += patch.texture;
-    if (!stages_->matcher.sample(references_.front(), patch, m, &values)) continue;
-    sum += patch.texture * stages_->matcher.correlate(patch, &values);
+    if (!matcher_->sample(references_.front(), patch, m, &values)) continue;
+    sum += patch.texture * matcher_->correlate(patch, &values);
     weights += patch.texture;
     ++inside;
   }
@@ -230,8 +222,8 @@ bool DirectPlaneEstimator::matchPatches(const Eigen::Vector3d& m, bool linearise
   for (std::size_t i = 0; i < patches_.size(); ++i) {
     for (std::size_t k = 0; k < references_.size(); ++k) {
       Match& match = matches_[i * kReferences + k];
-      if (linearise) stages_->matcher.linearise(references_[k], patches_[i], m, &match);
-      stages_->matcher.measure(references_[k], patches_[i], m, &match);
+      if (linearise) matcher_->linearise(references_[k], patches_[i], m, &match);
+      matcher_->measure(references_[k], patches_[i], m, &match);
       if (!match.valid) continue;
       ++result->patches;
       correlation += patches_[i].texture * match.correlation;
@@ -340,7 +332,7 @@ DirectPlaneEstimator::Result DirectPlaneEstimator::estimate(const VoFrame& frame
   const bool faces_backwards = prior.forward_c.z() < -kMinBackwards;
   RoadImage road;
   road.setting = setting_;
-  stages_->extractor.extract(image, lane, faces_backwards, &road, &patches_);
+  matcher_->extract(image, lane, faces_backwards, &road, &patches_);
   road.readout_motion = frame.readout_motion;
 
   Result result;

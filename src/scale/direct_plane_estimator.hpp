@@ -10,8 +10,7 @@
 #include "ground_scale_vo/scale/scale_options.hpp"
 #include "ground_scale_vo/vo/vo_frame.hpp"
 #include "scale/camera_path.hpp"
-#include "scale/direct/patch.hpp"
-#include "scale/direct/patch_matcher.hpp"
+#include "scale/patch_matcher.hpp"
 #include "scale/road.hpp"
 
 namespace ground_scale_vo {
@@ -49,25 +48,12 @@ class DirectPlaneEstimator {
                   const cv::Mat& mask = {});
 
  private:
-  /// Unknowns of both reference images, and of each.
+  /// Unknowns of both reference images: m (3), the curvature of the road along the path, across it
+  /// (crown) and its twist (3), the radial distortion of the images (k1, k2); and of each: the
+  /// error of its relative pose (3 rotation, 2 direction of translation).
   static constexpr int kShared = 8, kMotion = 5;
-  /// For images of one camera with one mask.
-  struct Stages {
-    Stages(const Options& options, const PinholeCamera& camera, const cv::Mat& mask);
-    direct::PatchExtractor extractor;
-    direct::PatchMatcher matcher;
-  };
-  /// Normal equations H x = b. The unknowns are m (3), the curvature of the road along the path,
-  /// across it (crown) and its twist (3), the radial distortion of the images (k1, k2), and for
-  /// each reference image the error of its relative pose (3 rotation, 2 direction of translation).
-  template <int kUnknowns>
-  struct Equations {
-    Eigen::Matrix<double, kUnknowns, kUnknowns> H =
-        Eigen::Matrix<double, kUnknowns, kUnknowns>::Zero();
-    Eigen::Matrix<double, kUnknowns, 1> b = Eigen::Matrix<double, kUnknowns, 1>::Zero();
-  };
-  using PlaneEquations = Equations<kShared>;
-  using JointEquations = std::array<Equations<kShared + kMotion>, direct::kReferences>;
+  using PlaneEquations = NormalEquations<kShared>;
+  using JointEquations = std::array<NormalEquations<kShared + kMotion>, direct::kReferences>;
 
   void setCamera(const PinholeCamera& camera, const cv::Mat& mask);
   LaneRegion laneRegion(const RoadPrior& prior, double height) const;
@@ -88,8 +74,9 @@ class DirectPlaneEstimator {
   Options options_;
   PinholeCamera camera_;  ///< of the images
   cv::Mat mask_;
-  std::optional<Stages> stages_;  ///< for camera and mask; empty before the first image
-  int setting_ = 0;               ///< RoadImage::setting of camera and mask
+  std::optional<direct::PatchMatcher>
+      matcher_;      ///< for camera and mask; empty before the first image
+  int setting_ = 0;  ///< RoadImage::setting of camera and mask
 
   // Current frame.
   std::vector<direct::Patch> patches_;

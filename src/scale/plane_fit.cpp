@@ -133,17 +133,11 @@ std::vector<std::uint32_t> selectInliers(const std::vector<Residual>& residuals,
   return inliers;
 }
 
-/// H x = b for a correction x of m.
-struct NormalEquations {
-  Eigen::Matrix3d H = Eigen::Matrix3d::Zero();
-  Eigen::Vector3d b = Eigen::Vector3d::Zero();
-};
-
-/// Eq. 7: of the inliers, and of the prior on the normal's pitch and roll.
-NormalEquations normalEquations(const std::vector<Residual>& residuals,
-                                const std::vector<std::uint32_t>& inliers, double robust_scale,
-                                const RoadPrior& prior, const Eigen::Vector3d& m) {
-  NormalEquations equations;
+/// Eq. 7 for a correction of m: of the inliers, and of the prior on the normal's pitch and roll.
+NormalEquations<3> normalEquations(const std::vector<Residual>& residuals,
+                                   const std::vector<std::uint32_t>& inliers, double robust_scale,
+                                   const RoadPrior& prior, const Eigen::Vector3d& m) {
+  NormalEquations<3> equations;
   for (const std::uint32_t i : inliers) {
     const Residual& residual = residuals[i];
     const double weight = 1 / (robust_scale * robust_scale * residual.sigma * residual.sigma);
@@ -200,7 +194,7 @@ PlaneFit::Result PlaneFit::fitInverseDepth(const std::vector<PlanePoint>& points
   if (!start) return result;
 
   Eigen::Vector3d m = start->n_c / start->height;
-  NormalEquations equations;
+  NormalEquations<3> equations;
   std::vector<Residual> residuals;
   std::vector<std::uint32_t> inliers, last_inliers;
   double robust_scale = 1;

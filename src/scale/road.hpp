@@ -29,6 +29,14 @@ struct Chord {
   Eigen::Vector3d turn_c = Eigen::Vector3d::Zero();  ///< rotation from its start to its end [rad]
 };
 
+/// Normal equations H x = b.
+template <int kUnknowns>
+struct NormalEquations {
+  Eigen::Matrix<double, kUnknowns, kUnknowns> H =
+      Eigen::Matrix<double, kUnknowns, kUnknowns>::Zero();
+  Eigen::Matrix<double, kUnknowns, 1> b = Eigen::Matrix<double, kUnknowns, 1>::Zero();
+};
+
 /// What mounting and motion tell about the road in one frame, before it is measured.
 struct RoadPrior {
   Eigen::Vector3d n_c = Eigen::Vector3d(0, -1, 0);       ///< unit, up

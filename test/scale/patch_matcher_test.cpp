@@ -1,4 +1,4 @@
-#include "scale/direct/patch_matcher.hpp"
+#include "scale/patch_matcher.hpp"
 
 #include <gtest/gtest.h>
 
@@ -10,7 +10,8 @@ namespace ground_scale_vo::direct {
 namespace {
 
 const PinholeCamera kCamera{320, 240, 300, 360, 160, 120};
-constexpr float kGreyNoise = 0.5f;  // [grey levels]
+constexpr float kGreyNoise = 0.5f;   // [grey levels]
+constexpr double kPatchSize = 0.03;  // [focal lengths], of extracted ones
 /// Plane of a road 1.5 VO units below a camera that looks down a little.
 const Eigen::Vector3d kPlane = Eigen::Vector3d(0.02, -1, -0.05).normalized() / 1.5;
 
@@ -84,7 +85,7 @@ class PatchMatcherTest : public testing::Test {
     return match;
   }
 
-  const PatchMatcher matcher_{kCamera, kGreyNoise, {}};
+  const PatchMatcher matcher_{kCamera, kPatchSize, kGreyNoise, {}};
   Reference reference_;
   Patch patch_;
   float deviation_ = 0;  ///< of the patch's intensities [grey levels]
@@ -165,13 +166,15 @@ TEST_F(PatchMatcherTest, LensIsTheShiftByARadialDistortion) {
 
 TEST_F(PatchMatcherTest, UsesNoMaskedPixelAndNoneOutsideTheImage) {
   Samples values;
-  cv::Mat allowed(kCamera.height, kCamera.width, CV_8U, cv::Scalar(255));
-  EXPECT_TRUE(
-      PatchMatcher(kCamera, kGreyNoise, allowed).sample(reference_, patch_, kPlane, &values));
+  cv::Mat mask(kCamera.height, kCamera.width, CV_8U, cv::Scalar(255));
+  const auto isSampledWithMask = [&] {
+    return PatchMatcher(kCamera, kPatchSize, kGreyNoise, mask)
+        .sample(reference_, patch_, kPlane, &values);
+  };
+  EXPECT_TRUE(isSampledWithMask());
   const Eigen::Vector2d u = pixelOf(9);
-  allowed.at<unsigned char>(static_cast<int>(u.y()), static_cast<int>(u.x())) = 0;
-  EXPECT_FALSE(
-      PatchMatcher(kCamera, kGreyNoise, allowed).sample(reference_, patch_, kPlane, &values));
+  mask.at<unsigned char>(static_cast<int>(u.y()), static_cast<int>(u.x())) = 0;
+  EXPECT_FALSE(isSampledWithMask());
   // The stored part of the image must contain the pixels around all samples.
   Eigen::Vector2d first = pixelOf(0), last = first;
   for (int i = 1; i < kPatchSamples; ++i) {
@@ -204,7 +207,7 @@ TEST_F(PatchMatcherTest, NoiseDoesNotLowerTheCorrelation) {
   patch_.value *= deviation_;
   normalise(kNoise, &patch_.value, &patch_.texture);
   EXPECT_LT(patch_.texture, 0.9f);
-  const PatchMatcher noisy(kCamera, kNoise, {});
+  const PatchMatcher noisy(kCamera, kPatchSize, kNoise, {});
   noisy.measure(reference_, patch_, kPlane, &match);
   EXPECT_NEAR(match.correlation, 1, 1e-3);
   reference_.image.pixels = 200 - 0.5 * reference_.image.pixels;

@@ -1,15 +1,26 @@
-#include "scale/direct/patch_matcher.hpp"
+#include "scale/patch_matcher.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <limits>
+#include <opencv2/imgproc.hpp>
 
 #include "common/vector_loop.hpp"
 #include "ground_scale_vo/common/se3.hpp"
 
 namespace ground_scale_vo::direct {
 namespace {
+
+/// [focal lengths] Standard deviation of the Gaussian that smooths the images: 0.7 px for KITTI.
+constexpr double kBlur = 0.0010;
+/// [px] A weaker blur leaves visible errors of the bilinear interpolation between pixels.
+constexpr double kMinBlurPx = 0.6;
+constexpr double kRadiusSigmas = 2.5;  ///< of the filter; 98.8 % of the Gaussian
+/// [focal lengths] Margins around the lane region that are kept for later frames: the patches of a
+/// later frame project outside the region after a turn (sides) or a change of pitch (top).
+constexpr double kSideMargin = 0.12;
+constexpr double kTopMargin = 0.04;
 
 /// Least share of a patch's gradient energy along the epipolar line (as an amplitude). Below it the
 /// shift along the line is not observable.
@@ -23,6 +34,23 @@ constexpr float kSampleCauchyConstant = 2;
 /// finite.
 constexpr float kMinTextureProduct = 1e-3f;
 
+PinholeCamera reduced(const PinholeCamera& camera, int factor) {
+  if (factor == 1) return camera;  // exactly
+  PinholeCamera result = camera;
+  result.width /= factor;
+  result.height /= factor;
+  result.fx /= factor;
+  result.fy /= factor;
+  // The centre of the first pixel is at 0.
+  result.cx = (camera.cx + 0.5) / factor - 0.5;
+  result.cy = (camera.cy + 0.5) / factor - 0.5;
+  return result;
+}
+
+cv::Rect extended(const cv::Rect& area, int margin) {
+  return {area.x - margin, area.y - margin, area.width + 2 * margin, area.height + 2 * margin};
+}
+
 /// Row `row` of H (ray_x, ray_y, 1) for all samples.
 Samples transformed(const Eigen::Matrix3f& H, int row, const Patch& patch) {
   return H(row, 0) * patch.ray_x + H(row, 1) * patch.ray_y + H(row, 2);
@@ -32,18 +60,22 @@ Samples dot(const Eigen::Vector3f& v, const Samples& x, const Samples& y, const 
   return v.x() * x + v.y() * y + v.z() * z;
 }
 
-/// The camera of a part of an image: pixels count from its corner; right and bottom: where
-/// interpolation ends.
-struct RoiCamera {
-  float fx, fy, cx, cy, right, bottom;
-};
+/// For all rays, x_r = R x_c + t for the points x_c of the plane m.
+Eigen::Matrix3f homography(const Eigen::Isometry3d& T_r_c, const Eigen::Vector3d& m) {
+  const Eigen::Matrix3d H = T_r_c.linear() - T_r_c.translation() * m.transpose();
+  return H.cast<float>();
+}
 
-/// Pixels u, v of the points H (ray_x, ray_y, 1). Returns how many are in front of the camera and
-/// in [0, right) x [0, bottom); values that are not finite are outside.
-GSV_VECTOR_LOOP int project(const RoiCamera& camera, const Eigen::Matrix3f& H,
-                            const float* __restrict ray_x, const float* __restrict ray_y,
-                            float* __restrict u, float* __restrict v) {
-  const auto [fx, fy, cx, cy, right, bottom] = camera;
+/// Pixels u, v of the points H (ray_x, ray_y, 1), counted from the corner of the roi. Returns how
+/// many are in front of the camera and can be interpolated in the roi; values that are not finite
+/// are outside.
+GSV_VECTOR_LOOP int project(const PinholeCamera& camera, const cv::Rect& roi,
+                            const Eigen::Matrix3f& H, const float* __restrict ray_x,
+                            const float* __restrict ray_y, float* __restrict u,
+                            float* __restrict v) {
+  const auto fx = static_cast<float>(camera.fx), fy = static_cast<float>(camera.fy),
+             cx = static_cast<float>(camera.cx - roi.x), cy = static_cast<float>(camera.cy - roi.y),
+             right = static_cast<float>(roi.width - 1), bottom = static_cast<float>(roi.height - 1);
   const float a = H(0, 0), b = H(0, 1), c = H(0, 2), d = H(1, 0), e = H(1, 1), f = H(1, 2),
               g = H(2, 0), h = H(2, 1), k = H(2, 2);
   int inside = 0;
@@ -84,17 +116,112 @@ GSV_VECTOR_LOOP void interpolate(const float* __restrict data, int stride,
 
 }  // namespace
 
-PatchMatcher::PatchMatcher(const PinholeCamera& camera, double image_noise, const cv::Mat& allowed)
-    : camera_(camera), image_noise_(static_cast<float>(image_noise)), allowed_(allowed) {}
+float normalise(float noise, Samples* values, float* texture) {
+  *values -= values->mean();
+  const float variance = values->square().mean();
+  const float deviation = std::sqrt(variance + noise * noise);
+  *values /= deviation;
+  *texture = variance / (variance + noise * noise);
+  return deviation;
+}
 
-/// Between the cameras at the exposure of the patch in both images.
-PatchMatcher::Warp PatchMatcher::warpOf(const Reference& reference, const Patch& patch,
-                                        const Eigen::Vector3d& m) const {
-  const auto warp = [](const Eigen::Isometry3d& T_r_c, const Eigen::Vector3d& m_c) {
-    const Eigen::Matrix3d H = T_r_c.linear() - T_r_c.translation() * m_c.transpose();
-    return Warp{H.cast<float>(), T_r_c.translation().cast<float>(), m_c.cast<float>()};
-  };
-  if (reference.readout_motion_c.isZero(0)) return warp(reference.T_r_c, m);
+PatchMatcher::PatchMatcher(const PinholeCamera& camera, double patch_size, double image_noise,
+                           const cv::Mat& mask)
+    : reduction_(std::max(1, static_cast<int>(kBlur * camera.fx / kMinBlurPx))),
+      image_noise_(static_cast<float>(image_noise)) {
+  camera_ = reduced(camera, reduction_);
+  patch_px_ = std::max(kPatchSide, static_cast<int>(std::lround(patch_size * camera_.fx)));
+  sigma_ = std::max(kMinBlurPx, kBlur * camera_.fx);
+  radius_ = static_cast<int>(std::ceil(kRadiusSigmas * sigma_));
+  if (mask.empty()) return;
+  const int reach = 2 * radius_ + 1;  // smoothed twice, with a gradient or an interpolation
+  const int side = (reduction_ * (2 * reach + 1)) | 1;
+  cv::Mat eroded;
+  cv::erode(mask, eroded, cv::Mat::ones(side, side, CV_8U));
+  cv::resize(eroded, allowed_, {camera_.width, camera_.height}, 0, 0, cv::INTER_NEAREST);
+}
+
+void PatchMatcher::extract(const cv::Mat& image, const LaneRegion& lane, bool faces_backwards,
+                           RoadImage* road, std::vector<Patch>* patches) const {
+  selectCells(lane, road, patches);
+  if (patches->empty()) return;
+  const cv::Rect& roi = road->roi;
+  const cv::Mat once = smoothed(image, roi);
+  // The reference images show this piece of road from farther away, at a lower resolution. The
+  // patches compared with them are smoothed a second time: a difference in sharpness would bias
+  // their shifts. With a camera that faces backwards the reference images are the nearer ones.
+  cv::Rect sampled;
+  for (const Patch& patch : *patches) {
+    sampled |= cv::Rect(patch.corner, cv::Size(patch_px_, patch_px_));
+  }
+  const cv::Rect area = faces_backwards ? roi : extended(sampled, 1) & roi;
+  cv::Mat twice;
+  cv::GaussianBlur(once(area - roi.tl()), twice, {2 * radius_ + 1, 2 * radius_ + 1}, sigma_);
+  for (Patch& patch : *patches) samplePatch(faces_backwards ? once : twice, area.tl(), &patch);
+  road->pixels = faces_backwards ? twice : once;
+}
+
+/// Creates the patches whose centre lies in the lane, and sets the part of the image to be stored.
+void PatchMatcher::selectCells(const LaneRegion& lane, RoadImage* road,
+                               std::vector<Patch>* patches) const {
+  patches->clear();
+  road->roi = cv::Rect();
+  // Cells at the image border have no gradient there.
+  for (int y = patch_px_; y + patch_px_ < camera_.height; y += patch_px_) {
+    for (int x = patch_px_; x + patch_px_ < camera_.width; x += patch_px_) {
+      const cv::Rect cell(x, y, patch_px_, patch_px_);
+      const cv::Point centre = (cell.tl() + cell.br()) / 2;
+      if (!lane.contains(camera_.ray({centre.x, centre.y}))) continue;
+      if (!allowed_.empty() && cv::countNonZero(allowed_(cell)) < cell.area()) continue;
+      patches->emplace_back().corner = cell.tl();
+      road->roi |= cell;
+    }
+  }
+  if (patches->empty()) return;
+  // At least one pixel, for the gradients of the outermost samples.
+  const int side = std::max(1, static_cast<int>(kSideMargin * camera_.fx));
+  const int top = std::max(1, static_cast<int>(kTopMargin * camera_.fy));
+  road->roi -= cv::Point(side, top);
+  road->roi += cv::Size(2 * side, top + patch_px_);
+  road->roi &= cv::Rect(0, 0, camera_.width, camera_.height);
+}
+
+/// Part of the reduced image, smoothed, CV_32F.
+cv::Mat PatchMatcher::smoothed(const cv::Mat& image, const cv::Rect& area) const {
+  const cv::Rect wide = extended(area, radius_) & cv::Rect(0, 0, camera_.width, camera_.height);
+  cv::Mat part = image(cv::Rect(wide.tl() * reduction_, wide.size() * reduction_));
+  if (reduction_ > 1) cv::resize(part, part, wide.size(), 0, 0, cv::INTER_AREA);
+  const cv::Mat kernel = cv::getGaussianKernel(2 * radius_ + 1, sigma_, CV_32F);
+  cv::Mat result;
+  cv::sepFilter2D(part(area - wide.tl()), result, CV_32F, kernel, kernel);
+  return result;
+}
+
+/// Rays, normalised intensities and gradients of one patch. origin: the pixel of the image at which
+/// smoothed begins.
+void PatchMatcher::samplePatch(const cv::Mat& smoothed, const cv::Point& origin,
+                               Patch* patch) const {
+  const auto stride = static_cast<std::ptrdiff_t>(smoothed.step1());
+  for (int k = 0; k < kPatchSamples; ++k) {
+    const int u = patch->corner.x + (2 * (k % kPatchSide) + 1) * patch_px_ / (2 * kPatchSide);
+    const int v = patch->corner.y + (2 * (k / kPatchSide) + 1) * patch_px_ / (2 * kPatchSide);
+    const float* pixel = smoothed.ptr<float>(v - origin.y) + (u - origin.x);
+    patch->ray_x[k] = static_cast<float>((u - camera_.cx) / camera_.fx);
+    patch->ray_y[k] = static_cast<float>((v - camera_.cy) / camera_.fy);
+    patch->value[k] = *pixel;
+    patch->grad_x[k] = 0.5f * (pixel[1] - pixel[-1]);
+    patch->grad_y[k] = 0.5f * (pixel[stride] - pixel[-stride]);
+  }
+  const float deviation = normalise(image_noise_, &patch->value, &patch->texture);
+  patch->grad_x /= deviation;
+  patch->grad_y /= deviation;
+}
+
+/// The motion between the cameras at the exposure of the patch in both images, and m in the axes of
+/// the current one.
+std::pair<Eigen::Isometry3d, Eigen::Vector3d> PatchMatcher::atExposure(
+    const Reference& reference, const Patch& patch, const Eigen::Vector3d& m) const {
+  if (reference.readout_motion_c.isZero(0)) return {reference.T_r_c, m};
   const auto shareOf = [&](const Eigen::Vector3d& p) {
     return std::clamp(camera_.readoutShare(camera_.project(p).y()), -0.5, 0.5);
   };
@@ -114,21 +241,17 @@ PatchMatcher::Warp PatchMatcher::warpOf(const Reference& reference, const Patch&
     if (!(p_r.z() > 0)) break;
     share_r = shareOf(p_r);
   }
-  return warp(T_row_row, m_row);
+  return {T_row_row, m_row};
 }
 
 bool PatchMatcher::sample(const Reference& reference, const Patch& patch, const Eigen::Vector3d& m,
                           Samples* values) const {
   const RoadImage& image = reference.image;
-  const Eigen::Matrix3f H = warpOf(reference, patch, m).H;
-  const RoiCamera camera{static_cast<float>(camera_.fx),
-                         static_cast<float>(camera_.fy),
-                         static_cast<float>(camera_.cx - image.roi.x),
-                         static_cast<float>(camera_.cy - image.roi.y),
-                         static_cast<float>(image.roi.width - 1),
-                         static_cast<float>(image.roi.height - 1)};
+  const auto [T_r_c, m_c] = atExposure(reference, patch, m);
+  const Eigen::Matrix3f H = homography(T_r_c, m_c);
   Samples u, v;
-  const int inside = project(camera, H, patch.ray_x.data(), patch.ray_y.data(), u.data(), v.data());
+  const int inside =
+      project(camera_, image.roi, H, patch.ray_x.data(), patch.ray_y.data(), u.data(), v.data());
   if (inside < kPatchSamples) return false;
   for (int i = 0; !allowed_.empty() && i < kPatchSamples; ++i) {
     const cv::Point pixel(static_cast<int>(u[i]), static_cast<int>(v[i]));
@@ -141,9 +264,9 @@ bool PatchMatcher::sample(const Reference& reference, const Patch& patch, const 
 
 void PatchMatcher::linearise(const Reference& reference, const Patch& patch,
                              const Eigen::Vector3d& m, Match* match) const {
-  const Warp warp = warpOf(reference, patch, m);
-  const Eigen::Matrix3f& H = warp.H;
-  const Eigen::Vector3f& t = warp.t;
+  const auto [T_r_c, m_c] = atExposure(reference, patch, m);
+  const Eigen::Matrix3f H = homography(T_r_c, m_c);
+  const Eigen::Vector3f t = T_r_c.translation().cast<float>();
   // The warped rays y, and their projection.
   const Samples y_x = transformed(H, 0, patch), y_y = transformed(H, 1, patch),
                 y_z = transformed(H, 2, patch);
@@ -160,7 +283,7 @@ void PatchMatcher::linearise(const Reference& reference, const Patch& patch,
   // With y = R r - t q: by q, by a rotation, and by the direction of t.
   match->jacobian = -dot(t, by_x, by_y, by_z);
   match->jacobian -= match->jacobian.mean();
-  const Samples q = dot(warp.m, patch.ray_x, patch.ray_y, Samples::Ones());
+  const Samples q = dot(m_c.cast<float>(), patch.ray_x, patch.ray_y, Samples::Ones());
   const Eigen::Vector3f side = t.unitOrthogonal();
   const Samples by_motion[] = {y_y * by_z - y_z * by_y, y_z * by_x - y_x * by_z,
                                y_x * by_y - y_y * by_x, -q * dot(side * t.norm(), by_x, by_y, by_z),

@@ -13,11 +13,14 @@
 
 namespace ground_scale_vo {
 
-/// A feature of one frame that lies on the road.
+/// A feature that lies on the road, in the axes of some camera c: of its frame, or of the window of
+/// GPA. Its error lies along the ray from the camera that it was triangulated from.
 struct GroundPoint {
-  std::uint64_t id = 0;                           ///< of the feature
-  Eigen::Vector3d p_c = Eigen::Vector3d::Zero();  ///< in its frame's camera [VO units], z > 0
-  double depth_sigma = 0;                         ///< standard deviation of p_c.z [VO units]
+  std::uint64_t id = 0;                                ///< of the feature
+  Eigen::Vector3d p_c = Eigen::Vector3d::Zero();       ///< VO units
+  Eigen::Vector3d origin_c = Eigen::Vector3d::Zero();  ///< centre of the observing camera
+  double depth = 0;        ///< along that camera's optical axis [VO units], > 0
+  double depth_sigma = 0;  ///< standard deviation of depth [VO units], > 0
 };
 
 /// The lane region of an image, smoothed.

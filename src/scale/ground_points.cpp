@@ -93,18 +93,16 @@ std::vector<Triangle> delaunay(const PinholeCamera& camera,
   return triangles;
 }
 
-}  // namespace
-
 /// Indices of the features with a point whose ray meets the expected plane in the region of
 /// interest: the narrow one if it contains enough of them, otherwise the wide one.
-std::vector<std::uint32_t> GroundPointExtraction::selectRegion(const VoFrame& frame,
-                                                               const RoadPrior& prior,
-                                                               bool* is_wide) const {
+std::vector<std::uint32_t> selectRegion(const VoFrame& frame, const RoadPrior& prior,
+                                        const GroundPointExtractionOptions& options,
+                                        bool* is_wide) {
   const auto region = [&](double half_width) {
-    return LaneRegion(prior, 0, kMinAheadHeights, options_.max_ahead_heights, half_width);
+    return LaneRegion(prior, 0, kMinAheadHeights, options.max_ahead_heights, half_width);
   };
-  const LaneRegion lane_region = region(options_.lane_half_width_heights);
-  const LaneRegion wide_region = region(options_.max_half_width_heights);
+  const LaneRegion lane_region = region(options.lane_half_width_heights);
+  const LaneRegion wide_region = region(options.max_half_width_heights);
   std::vector<std::uint32_t> wide, lane;
   for (std::size_t i = 0; i < frame.features.size(); ++i) {
     const TrackedFeature& feature = frame.features[i];
@@ -118,80 +116,37 @@ std::vector<std::uint32_t> GroundPointExtraction::selectRegion(const VoFrame& fr
     wide.push_back(static_cast<std::uint32_t>(i));
     if (lane_region.contains(ray)) lane.push_back(static_cast<std::uint32_t>(i));
   }
-  *is_wide = lane.size() < static_cast<std::size_t>(options_.min_lane_features);
+  *is_wide = lane.size() < static_cast<std::size_t>(options.min_lane_features);
   return *is_wide ? wide : lane;
 }
 
 /// theta_1 of Alg. 1 line 10 for a triangle's own normal, relative to the mounting. The printed
 /// test of the frame's rotation replaces it with frame_pitch_test.
-bool GroundPointExtraction::isTilted(const GroundPlane& plane, const RoadPrior& prior,
-                                     double roll_tolerance) const {
-  if (options_.frame_pitch_test) return false;
+bool isTilted(const GroundPlane& plane, const RoadPrior& prior,
+              const GroundPointExtractionOptions& options, double roll_tolerance) {
+  if (options.frame_pitch_test) return false;
   const auto [pitch, roll] = tilt(plane.n_c, prior);
-  return pitch >= prior.pitchTolerance(options_.pitch_tolerance_rad) ||
+  return pitch >= prior.pitchTolerance(options.pitch_tolerance_rad) ||
          roll >= prior.rollTolerance(roll_tolerance);
-}
-
-GroundPointExtraction::Result GroundPointExtraction::extract(
-    const VoFrame& frame, const RoadPrior& prior, const Eigen::Isometry3d& last_motion) const {
-  Result result;
-  const Stopwatch watch;
-  const std::vector<Triangle> triangles =  // Alg. 1 line 1
-      delaunay(frame.camera, frame.features, selectRegion(frame, prior, &result.are_beside_lane));
-  result.delaunay_ms = watch.ms();
-  result.triangles = static_cast<int>(triangles.size());
-  if (triangles.empty()) return result;
-
-  // Eq. 3 as printed: the rotation between frames, so it selects frames and not triangles.
-  const Eigen::Matrix3d R = last_motion.linear();
-  const bool frame_is_level =
-      !options_.frame_pitch_test ||
-      std::abs(std::atan(-R(2, 1) / R(2, 2))) < options_.pitch_tolerance_rad;
-
-  const double max_sine = std::sin(options_.motion_tolerance_rad);
-  std::vector<bool> is_ground(frame.features.size(), false);
-  for (const Triangle& triangle : triangles) {  // Alg. 1 lines 6-15
-    // Alg. 1 line 7: the pixel's ray has no depth, so the tracked map points are the corners.
-    const std::optional<GroundPlane> plane = planeThrough(
-        frame.features[triangle[0]].p_c.cast<double>(),
-        frame.features[triangle[1]].p_c.cast<double>(),
-        frame.features[triangle[2]].p_c.cast<double>());  // lines 8-9; h > 0 of line 10
-    if (!plane || !frame_is_level) continue;
-    if (isTilted(*plane, prior, kRollTolerance)) continue;  // theta_1 of line 10
-    // Line 11 (Eq. 3): |90 deg - angle(n, t)| < theta_2.
-    if (prior.chord && std::abs(plane->n_c.dot(prior.chord->direction_c)) >= max_sine) continue;
-    ++result.ground_triangles;
-    for (const std::uint32_t corner : triangle) is_ground[corner] = true;  // lines 12 and 16
-  }
-  for (std::size_t i = 0; i < is_ground.size(); ++i) {
-    if (!is_ground[i]) continue;
-    const TrackedFeature& feature = frame.features[i];
-    result.points.push_back(
-        {feature.id, feature.p_c.cast<double>(), static_cast<double>(feature.depth_sigma)});
-  }
-  // A seed for each frame, so that its result does not depend on earlier frames.
-  ransac(random_seed_ * kSeedMultiplier + frame.sequence, prior, &result);
-  if (result.status != MeasurementStatus::kMeasured) result.points.clear();
-  return result;
 }
 
 /// Alg. 1 lines 17-33: keeps the points of *result that lie on the best plane through three of
 /// them: that with the least total distance, truncated at the threshold (Eq. 4; untruncated, one
 /// outlier would decide), or with the most inliers (line 28).
-void GroundPointExtraction::ransac(std::uint64_t seed, const RoadPrior& prior,
-                                   Result* result) const {
+void ransac(std::uint64_t seed, const RoadPrior& prior, const GroundPointExtractionOptions& options,
+            GroundPoints* result) {
   std::vector<GroundPoint>& points = result->points;
   const std::size_t n = points.size();
   result->status = MeasurementStatus::kTooFewGroundPoints;
-  if (n < static_cast<std::size_t>(options_.min_points)) return;  // line 18
+  if (n < static_cast<std::size_t>(options.min_points)) return;  // line 18
 
   // For a point near the plane, the relative error of its depth equals the error of its distance
   // from the plane over the height.
   std::vector<double> threshold(n);
   for (std::size_t i = 0; i < n; ++i) {
     threshold[i] =
-        std::hypot(options_.plane_threshold_heights,
-                   options_.plane_threshold_sigma * points[i].depth_sigma / points[i].p_c.z());
+        std::hypot(options.plane_threshold_heights,
+                   options.plane_threshold_sigma * points[i].depth_sigma / points[i].depth);
   }
   std::mt19937_64 random(seed);
   double best_cost = std::numeric_limits<double>::infinity();
@@ -203,13 +158,13 @@ void GroundPointExtraction::ransac(std::uint64_t seed, const RoadPrior& prior,
         planeThrough(points[i1].p_c, points[i2].p_c, points[i3].p_c);  // line 21
     if (!plane) continue;
     // A plane through distant points has a smaller roll error than a triangle of neighbours.
-    if (isTilted(*plane, prior, options_.pitch_tolerance_rad)) continue;
+    if (isTilted(*plane, prior, options, options.pitch_tolerance_rad)) continue;
     double cost = 0;
     for (std::size_t g = 0; g < n; ++g) {  // lines 22-27
       const double distance = std::abs(plane->n_c.dot(points[g].p_c) + plane->height) /
                               plane->height;  // line 23, over the height
       inlier[g] = distance < threshold[g];    // line 24
-      cost += !inlier[g] ? 1 : options_.most_inliers ? 0 : distance / threshold[g];
+      cost += !inlier[g] ? 1 : options.most_inliers ? 0 : distance / threshold[g];
     }
     if (cost < best_cost) {  // lines 28-30
       best_cost = cost;
@@ -224,37 +179,79 @@ void GroundPointExtraction::ransac(std::uint64_t seed, const RoadPrior& prior,
     if (best[g]) points[kept++] = points[g];
   }
   points.resize(kept);
-  if (kept >= static_cast<std::size_t>(options_.min_points))
+  if (kept >= static_cast<std::size_t>(options.min_points))
     result->status = MeasurementStatus::kMeasured;
 }
 
-GroundPointAggregation::Result GroundPointAggregation::estimate(const CameraPath& path,
-                                                                const CameraPath::Pose& pose,
-                                                                double height_hint) const {
-  Result result;
-  result.window = window(path, pose.T_w_c, options_.window_heights * height_hint);
-  result.fit = fit_.fit(result.window, pose.prior, height_hint);  // lines 14-34
+}  // namespace
+
+GroundPoints extractGroundPoints(const VoFrame& frame, const RoadPrior& prior,
+                                 const Eigen::Isometry3d& last_motion,
+                                 const GroundPointExtractionOptions& options,
+                                 std::uint64_t random_seed) {
+  GroundPoints result;
+  const Stopwatch watch;
+  const std::vector<Triangle> triangles =  // Alg. 1 line 1
+      delaunay(frame.camera, frame.features,
+               selectRegion(frame, prior, options, &result.are_beside_lane));
+  result.delaunay_ms = watch.ms();
+  result.triangles = static_cast<int>(triangles.size());
+  if (triangles.empty()) return result;
+
+  // Eq. 3 as printed: the rotation between frames, so it selects frames and not triangles.
+  const Eigen::Matrix3d R = last_motion.linear();
+  const bool frame_is_level = !options.frame_pitch_test ||
+                              std::abs(std::atan(-R(2, 1) / R(2, 2))) < options.pitch_tolerance_rad;
+
+  const double max_sine = std::sin(options.motion_tolerance_rad);
+  std::vector<bool> is_ground(frame.features.size(), false);
+  for (const Triangle& triangle : triangles) {  // Alg. 1 lines 6-15
+    // Alg. 1 line 7: the pixel's ray has no depth, so the tracked map points are the corners.
+    const std::optional<GroundPlane> plane = planeThrough(
+        frame.features[triangle[0]].p_c.cast<double>(),
+        frame.features[triangle[1]].p_c.cast<double>(),
+        frame.features[triangle[2]].p_c.cast<double>());  // lines 8-9; h > 0 of line 10
+    if (!plane || !frame_is_level) continue;
+    if (isTilted(*plane, prior, options, kRollTolerance)) continue;  // theta_1 of line 10
+    // Line 11 (Eq. 3): |90 deg - angle(n, t)| < theta_2.
+    if (prior.chord && std::abs(plane->n_c.dot(prior.chord->direction_c)) >= max_sine) continue;
+    ++result.ground_triangles;
+    for (const std::uint32_t corner : triangle) is_ground[corner] = true;  // lines 12 and 16
+  }
+  for (std::size_t i = 0; i < is_ground.size(); ++i) {
+    if (!is_ground[i]) continue;
+    const TrackedFeature& feature = frame.features[i];
+    GroundPoint& point = result.points.emplace_back();
+    point.id = feature.id;
+    point.p_c = feature.p_c.cast<double>();
+    point.depth = point.p_c.z();
+    point.depth_sigma = static_cast<double>(feature.depth_sigma);
+  }
+  // A seed for each frame, so that its result does not depend on earlier frames.
+  ransac(random_seed * kSeedMultiplier + frame.sequence, prior, options, &result);
+  if (result.status != MeasurementStatus::kMeasured) result.points.clear();
   return result;
 }
 
-/// Alg. 2 lines 7-13. max_length: [VO units] along the path.
-std::vector<PlanePoint> GroundPointAggregation::window(const CameraPath& path,
-                                                       const Eigen::Isometry3d& T_w_c,
-                                                       double max_length) const {
-  std::vector<PlanePoint> points;
+std::vector<GroundPoint> aggregateGroundPoints(const CameraPath& path,
+                                               const Eigen::Isometry3d& T_w_c, double height_hint,
+                                               const GroundPointAggregationOptions& options) {
+  const double max_length = options.window_heights * height_hint;  // along the path
+  std::vector<GroundPoint> points;
   std::unordered_set<std::uint64_t> seen;  // only tested for membership: its order has no effect
   int frames = 0;
   const Eigen::Isometry3d T_c_w = T_w_c.inverse();
   for (auto pose = path.poses().rbegin(); pose != path.poses().rend(); ++pose) {
     if (path.newest().travelled - pose->travelled > max_length) break;
     if (pose->ground_points.empty()) continue;
-    if (++frames > options_.max_frames) break;
+    if (++frames > options.max_frames) break;
     const Eigen::Isometry3d T_c_f = T_c_w * pose->T_w_c;
     for (const GroundPoint& point : pose->ground_points) {
       if (points.size() >= kMaxPoints) return points;
-      if (options_.unique_features && !seen.insert(point.id).second) continue;
+      if (options.unique_features && !seen.insert(point.id).second) continue;
       // Eq. 5, but into the camera frame: the fit then does not depend on the world's origin.
-      points.push_back({T_c_f * point.p_c, T_c_f.translation(), point.p_c.z(), point.depth_sigma});
+      points.push_back(
+          {point.id, T_c_f * point.p_c, T_c_f.translation(), point.depth, point.depth_sigma});
     }
   }
   return points;

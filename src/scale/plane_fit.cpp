@@ -9,7 +9,6 @@
 
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/math.hpp"
-#include "scale/plane_segmentation.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -55,11 +54,11 @@ double weightedMedian(std::vector<std::pair<double, double>> value_and_weight) {
   return value_and_weight.back().first;
 }
 
-bool isCollinear(const std::vector<PlanePoint>& points) {
+bool isCollinear(const std::vector<GroundPoint>& points) {
   Eigen::Vector3d mean = Eigen::Vector3d::Zero();
-  for (const PlanePoint& point : points) mean += point.p_c / static_cast<double>(points.size());
+  for (const GroundPoint& point : points) mean += point.p_c / static_cast<double>(points.size());
   Eigen::Matrix3d scatter = Eigen::Matrix3d::Zero();
-  for (const PlanePoint& point : points) {
+  for (const GroundPoint& point : points) {
     scatter += (point.p_c - mean) * (point.p_c - mean).transpose();
   }
   Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver;
@@ -69,12 +68,12 @@ bool isCollinear(const std::vector<PlanePoint>& points) {
 }
 
 /// Start of the least-squares fit.
-std::optional<GroundPlane> segmentPlane(const std::vector<PlanePoint>& points,
+std::optional<GroundPlane> segmentPlane(const std::vector<GroundPoint>& points,
                                         const RoadPrior& prior, double height_hint) {
   if (isCollinear(points)) return std::nullopt;
   std::vector<Eigen::Vector3f> scaled;
   scaled.reserve(points.size());
-  for (const PlanePoint& point : points) scaled.push_back((point.p_c / height_hint).cast<float>());
+  for (const GroundPoint& point : points) scaled.push_back((point.p_c / height_hint).cast<float>());
   const double max_angle = std::max(prior.pitchTolerance(kSacTilt), prior.rollTolerance(kSacTilt));
   const auto plane = segmentPerpendicularPlane(scaled, prior.n_c.cast<float>(), max_angle);
   if (!plane) return std::nullopt;
@@ -95,11 +94,11 @@ struct Residual {
 };
 
 /// Of all points, for the plane m = n / h.
-std::vector<Residual> computeResiduals(const std::vector<PlanePoint>& points,
+std::vector<Residual> computeResiduals(const std::vector<GroundPoint>& points,
                                        const Eigen::Vector3d& m, double roughness_heights) {
   std::vector<Residual> residuals(points.size());
   for (std::size_t i = 0; i < points.size(); ++i) {
-    const PlanePoint& point = points[i];
+    const GroundPoint& point = points[i];
     const Eigen::Vector3d r = (point.p_c - point.origin_c) / point.depth;
     const double height_ratio = 1 + m.dot(point.origin_c);  // observing camera's height over h
     const double inverse_depth = -m.dot(r) / height_ratio;
@@ -151,7 +150,7 @@ NormalEquations<3> normalEquations(const std::vector<Residual>& residuals,
 /// Eq. 9 (Alg. 2 lines 31-34): median over the heights from single inliers, h_j = -n . p_j. Each is
 /// weighted by the inverse of its relative error at the predicted depth; the measured depth would
 /// favour near points.
-double medianHeight(const std::vector<PlanePoint>& points, const std::vector<Residual>& residuals,
+double medianHeight(const std::vector<GroundPoint>& points, const std::vector<Residual>& residuals,
                     const std::vector<std::uint32_t>& inliers, const Eigen::Vector3d& n_c) {
   std::vector<std::pair<double, double>> heights;
   heights.reserve(inliers.size());
@@ -163,7 +162,7 @@ double medianHeight(const std::vector<PlanePoint>& points, const std::vector<Res
 }
 
 /// Mean lateral position of the inliers, weighted by their information on the height [VO units].
-double meanLateral(const std::vector<PlanePoint>& points, const std::vector<Residual>& residuals,
+double meanLateral(const std::vector<GroundPoint>& points, const std::vector<Residual>& residuals,
                    const std::vector<std::uint32_t>& inliers, const Eigen::Vector3d& lateral) {
   double weights = 0, sum = 0;
   for (const std::uint32_t i : inliers) {
@@ -174,22 +173,9 @@ double meanLateral(const std::vector<PlanePoint>& points, const std::vector<Resi
   return sum / weights;
 }
 
-}  // namespace
-
-PlaneFit::Result PlaneFit::fit(const std::vector<PlanePoint>& points, const RoadPrior& prior,
-                               double height_hint) const {
-  if (points.size() < kMinPoints) {
-    Result result;
-    result.status = MeasurementStatus::kTooFewGroundPoints;
-    return result;
-  }
-  return options_.homogeneous ? fitHomogeneous(points, height_hint)
-                              : fitInverseDepth(points, prior, height_hint);
-}
-
-PlaneFit::Result PlaneFit::fitInverseDepth(const std::vector<PlanePoint>& points,
-                                           const RoadPrior& prior, double height_hint) const {
-  Result result;
+PlaneFit fitInverseDepth(const std::vector<GroundPoint>& points, const RoadPrior& prior,
+                         double height_hint, double camber_sigma) {
+  PlaneFit result;
   const std::optional<GroundPlane> start = segmentPlane(points, prior, height_hint);
   if (!start) return result;
 
@@ -230,9 +216,9 @@ PlaneFit::Result PlaneFit::fitInverseDepth(const std::vector<PlanePoint>& points
   // whether the points suffice, it counts from the middle of the region that they were taken from.
   const double left = meanLateral(points, residuals, inliers, prior.lateral());
   const double left_in_region = left - prior.region_offset * plane.height;
-  result.height_sigma = std::hypot(fit_sigma, options_.camber_sigma_rad * left);
+  result.height_sigma = std::hypot(fit_sigma, camber_sigma * left);
   const bool is_certain =
-      std::hypot(fit_sigma, options_.camber_sigma_rad * left_in_region) <= kMaxSigma * plane.height;
+      std::hypot(fit_sigma, camber_sigma * left_in_region) <= kMaxSigma * plane.height;
   if (!is_certain || !areFinite(plane.n_c, plane.height, result.median_height)) {
     result.status = MeasurementStatus::kNoPlane;
     return result;
@@ -242,9 +228,9 @@ PlaneFit::Result PlaneFit::fitInverseDepth(const std::vector<PlanePoint>& points
   return result;
 }
 
-PlaneFit::Result PlaneFit::fitHomogeneous(const std::vector<PlanePoint>& points,
-                                          double height_hint) const {
-  Result result;
+/// max_distance: of an inlier [VO units].
+PlaneFit fitHomogeneous(const std::vector<GroundPoint>& points, double max_distance) {
+  PlaneFit result;
   std::vector<std::uint32_t> kept(points.size());
   std::iota(kept.begin(), kept.end(), 0u);
   GroundPlane plane;
@@ -269,7 +255,7 @@ PlaneFit::Result PlaneFit::fitHomogeneous(const std::vector<PlanePoint>& points,
     squares = 0;
     for (const std::uint32_t i : kept) {
       const double distance = std::abs(plane.n_c.dot(points[i].p_c) + plane.height);
-      if (distance > options_.reject_distance_heights * height_hint) continue;
+      if (distance > max_distance) continue;
       next.push_back(i);
       squares += distance * distance;
     }
@@ -289,6 +275,20 @@ PlaneFit::Result PlaneFit::fitHomogeneous(const std::vector<PlanePoint>& points,
   result.inliers = std::move(kept);
   result.status = MeasurementStatus::kMeasured;
   return result;
+}
+
+}  // namespace
+
+PlaneFit fitPlane(const std::vector<GroundPoint>& points, const RoadPrior& prior,
+                  double height_hint, const PlaneFitOptions& options) {
+  if (points.size() < kMinPoints) {
+    PlaneFit result;
+    result.status = MeasurementStatus::kTooFewGroundPoints;
+    return result;
+  }
+  return options.homogeneous
+             ? fitHomogeneous(points, options.reject_distance_heights * height_hint)
+             : fitInverseDepth(points, prior, height_hint, options.camber_sigma_rad);
 }
 
 }  // namespace ground_scale_vo

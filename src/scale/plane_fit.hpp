@@ -2,22 +2,15 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "ground_scale_vo/scale/scale_estimate.hpp"
 #include "ground_scale_vo/scale/scale_options.hpp"
+#include "scale/camera_path.hpp"
 #include "scale/road.hpp"
 
 namespace ground_scale_vo {
-
-/// A ground point in the camera frame c in which the plane is estimated, with the camera centre
-/// that it was triangulated from: its error lies along that ray and grows with the depth squared.
-struct PlanePoint {
-  Eigen::Vector3d p_c = Eigen::Vector3d::Zero();       ///< VO units
-  Eigen::Vector3d origin_c = Eigen::Vector3d::Zero();  ///< centre of the observing camera
-  double depth = 0;        ///< along that camera's optical axis [VO units], > 0
-  double depth_sigma = 0;  ///< standard deviation of depth [VO units], > 0
-};
 
 /// Plane through ground points: pcl::SACSegmentation for the start, then weighted least squares
 /// with iterated rejection of outliers (Eq. 6-8 with corrections, Alg. 2 lines 14-34).
@@ -30,32 +23,27 @@ struct PlanePoint {
 ///     e_i = 1/z_i + (m . r_i) / (1 + m . o_i),   m = n / h,  p_i = o_i + z_i r_i.
 /// The three unknowns m do not depend on the origin of a world frame. The weight (Eq. 8) is
 /// 1 / (sigma_i^2 + (roughness / z_predicted)^2).
-class PlaneFit {
- public:
-  using Options = PlaneFitOptions;
-
-  struct Result {
-    /// kMeasured: all below is valid. Otherwise kTooFewGroundPoints, kNoPlane or kPlaneTilted.
-    MeasurementStatus status = MeasurementStatus::kNoPlane;
-    GroundPlane plane;                   ///< least squares
-    double median_height = 0;            ///< median of Eq. 9 over the inliers [VO units]
-    double height_sigma = 0;             ///< of either height, from residuals and camber [VO units]
-    std::vector<std::uint32_t> inliers;  ///< the reserved points p* of Eq. 9, ascending indices
-  };
-
-  explicit PlaneFit(const Options& options) : options_(options) {}
-
-  /// points: in the camera frame of prior. height_hint: approximate camera height [VO units], > 0;
-  /// it only converts the distance thresholds from camera heights.
-  Result fit(const std::vector<PlanePoint>& points, const RoadPrior& prior,
-             double height_hint) const;
-
- private:
-  Result fitInverseDepth(const std::vector<PlanePoint>& points, const RoadPrior& prior,
-                         double height_hint) const;
-  Result fitHomogeneous(const std::vector<PlanePoint>& points, double height_hint) const;
-
-  Options options_;
+struct PlaneFit {
+  /// kMeasured: all below is valid. Otherwise kTooFewGroundPoints, kNoPlane or kPlaneTilted.
+  MeasurementStatus status = MeasurementStatus::kNoPlane;
+  GroundPlane plane;                   ///< least squares
+  double median_height = 0;            ///< median of Eq. 9 over the inliers [VO units]
+  double height_sigma = 0;             ///< of either height, from residuals and camber [VO units]
+  std::vector<std::uint32_t> inliers;  ///< the reserved points p* of Eq. 9, ascending indices
 };
+
+/// points: in the camera frame of prior. height_hint: approximate camera height [VO units], > 0; it
+/// only converts the distance thresholds from camera heights.
+PlaneFit fitPlane(const std::vector<GroundPoint>& points, const RoadPrior& prior,
+                  double height_hint, const PlaneFitOptions& options = {});
+
+/// The first plane of the fit: (a, b, c, d), a x + b y + c z + d = 0, through points in camera
+/// heights, by pcl::SACSegmentation with RANSAC. Its normal (a, b, c), of unit length and either
+/// sign, is within max_angle [rad] of the unit vector `axis`. Empty when there is none.
+/// Deterministic: one thread and PCL's constant seed. PCL prints nothing, also for degenerate
+/// points, and its verbosity, which is global to the process, is not touched.
+std::optional<Eigen::Vector4f> segmentPerpendicularPlane(const std::vector<Eigen::Vector3f>& points,
+                                                         const Eigen::Vector3f& axis,
+                                                         double max_angle);
 
 }  // namespace ground_scale_vo

@@ -2,8 +2,6 @@
 // libpcl_segmentation would load nine more libraries: 36 MiB for a RANSAC of planes.
 #define PCL_NO_PRECOMPILE
 
-#include "scale/plane_segmentation.hpp"
-
 #include <pcl/ModelCoefficients.h>
 #include <pcl/PointIndices.h>
 #include <pcl/point_cloud.h>
@@ -14,6 +12,8 @@
 
 #include <algorithm>
 #include <cstddef>
+
+#include "scale/plane_fit.hpp"
 
 namespace ground_scale_vo {
 
@@ -28,12 +28,6 @@ struct EIGEN_ALIGN16 PclPoint {
 
 POINT_CLOUD_REGISTER_POINT_STRUCT(ground_scale_vo::PclPoint,
                                   (float, x, x)(float, y, y)(float, z, z))
-
-/// Overridden below. The general one instantiates PCL's models of all shapes.
-template <>
-bool pcl::SACSegmentation<ground_scale_vo::PclPoint>::initSACModel(int /*model_type*/) {
-  return false;
-}
 
 namespace ground_scale_vo {
 namespace {
@@ -77,19 +71,20 @@ class PlaneModel : public PclModel {
   bool isSampleGood(const std::vector<int>&) const override { return true; }
 };
 
-/// PCL's segmentation with PlaneModel.
-class PlaneSegmentation : public pcl::SACSegmentation<PclPoint> {
- protected:
-  bool initSACModel(int) override {
-    const auto model = pcl::make_shared<PlaneModel>(input_);
-    model->setAxis(axis_);
-    model->setEpsAngle(eps_angle_);
-    model_ = model;
-    return true;
-  }
-};
-
 }  // namespace
+}  // namespace ground_scale_vo
+
+/// With PlaneModel alone: the general one instantiates PCL's models of all shapes.
+template <>
+bool pcl::SACSegmentation<ground_scale_vo::PclPoint>::initSACModel(int /*model_type*/) {
+  const auto model = pcl::make_shared<ground_scale_vo::PlaneModel>(input_);
+  model->setAxis(axis_);
+  model->setEpsAngle(eps_angle_);
+  model_ = model;
+  return true;
+}
+
+namespace ground_scale_vo {
 
 std::optional<Eigen::Vector4f> segmentPerpendicularPlane(const std::vector<Eigen::Vector3f>& points,
                                                          const Eigen::Vector3f& axis,
@@ -97,7 +92,7 @@ std::optional<Eigen::Vector4f> segmentPerpendicularPlane(const std::vector<Eigen
   const auto cloud = pcl::make_shared<Cloud>();
   cloud->reserve(points.size());
   for (const Eigen::Vector3f& p : points) cloud->push_back(PclPoint(p));
-  PlaneSegmentation segmentation;
+  pcl::SACSegmentation<PclPoint> segmentation;
   segmentation.setMethodType(pcl::SAC_RANSAC);
   segmentation.setAxis(axis);
   segmentation.setEpsAngle(max_angle);

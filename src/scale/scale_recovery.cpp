@@ -32,8 +32,6 @@ void ScaleRecoveryOptions::validate() const {
 ScaleRecovery::Impl::Impl(const Options& o)
     : options(o),
       mounting(options.mounting),
-      gpe(options.gpe, options.random_seed),
-      gpa(options.gpa),
       direct(options.direct),
       filter(options.filter,
              {options.camera_height, options.camera_height_sigma, options.speed_scale_sigma}),
@@ -201,7 +199,8 @@ MeasurementStatus ScaleRecovery::Impl::measureFeatureBased(const VoFrame& frame,
                                                            Output* output) {
   Stopwatch watch;
   ScaleEstimate& scale = output->scale;
-  GroundPointExtraction::Result ground = gpe.extract(frame, current->prior, map.path.lastMotion());
+  GroundPoints ground = extractGroundPoints(frame, current->prior, map.path.lastMotion(),
+                                            options.gpe, options.random_seed);
   scale.triangles = ground.triangles;
   scale.ground_triangles = ground.ground_triangles;
   scale.ground_points = static_cast<int>(ground.points.size());
@@ -220,20 +219,22 @@ MeasurementStatus ScaleRecovery::Impl::measureFeatureBased(const VoFrame& frame,
   // The plane in the camera above the ground points.
   const CameraPath::Pose& above =
       map.path.nearest(current->T_w_c * centre_c, options.gpe.max_ahead_heights * map.rough_height);
-  const GroundPointAggregation::Result window = gpa.estimate(map.path, above, map.rough_height);
+  const std::vector<GroundPoint> window =
+      aggregateGroundPoints(map.path, above.T_w_c, map.rough_height, options.gpa);
+  const PlaneFit fit = fitPlane(window, above.prior, map.rough_height, options.gpa.fit);
   const Eigen::Isometry3d T_c_above = current->T_w_c.inverse() * above.T_w_c;
-  scale.window_points = static_cast<int>(window.window.size());
-  for (const PlanePoint& point : window.window) {
+  scale.window_points = static_cast<int>(window.size());
+  for (const GroundPoint& point : window) {
     output->ground_points_c.push_back((T_c_above * point.p_c).cast<float>());
   }
-  if (window.fit.status == MeasurementStatus::kMeasured) {
-    scale.plane_inliers = static_cast<int>(window.fit.inliers.size());
-    output->feature_based = {window.fit.median_height, window.fit.height_sigma,
+  if (fit.status == MeasurementStatus::kMeasured) {
+    scale.plane_inliers = static_cast<int>(fit.inliers.size());
+    output->feature_based = {fit.median_height, fit.height_sigma,
                              (centre_c - T_c_above.translation()).norm(),
-                             T_c_above.linear() * window.fit.plane.n_c, ground.are_beside_lane};
+                             T_c_above.linear() * fit.plane.n_c, ground.are_beside_lane};
   }
   output->times.gpa = watch.lapMs();
-  return window.fit.status;
+  return fit.status;
 }
 
 /// On success sets output->direct and output->correlation.

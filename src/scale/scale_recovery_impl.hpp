@@ -11,6 +11,7 @@
 #include "scale/metric_trajectory.hpp"
 #include "scale/mounting.hpp"
 #include "scale/path_speed.hpp"
+#include "scale/plane_fit.hpp"
 #include "scale/scale_filter.hpp"
 
 namespace ground_scale_vo {
@@ -49,8 +50,6 @@ struct ScaleRecovery::Impl {
 
   const Options options;
   Mounting mounting;
-  GroundPointExtraction gpe;
-  GroundPointAggregation gpa;
   DirectPlaneEstimator direct;
   ScaleFilter filter;
   MetricTrajectory trajectory;

@@ -19,10 +19,9 @@ RoadPrior movingPrior(const RoadScene& scene, double sigma = 0.01) {
   return prior;
 }
 
-GroundPointExtraction::Result extract(const RoadScene& scene, const VoFrame& frame,
-                                      const GroundPointExtraction::Options& options = {}) {
-  return GroundPointExtraction(options).extract(frame, movingPrior(scene),
-                                                Eigen::Isometry3d::Identity());
+GroundPoints extract(const VoFrame& frame, const RoadPrior& prior,
+                     const GroundPointExtractionOptions& options = {}) {
+  return extractGroundPoints(frame, prior, Eigen::Isometry3d::Identity(), options);
 }
 
 /// 400 points, ids 1 to 400.
@@ -41,8 +40,7 @@ TEST(GroundPointExtraction, TolerancesFollowTheUncertaintyOfThePrior) {
     const auto extractWith = [&](double roll_sigma) {
       RoadPrior prior = level;
       prior.roll_sigma = roll_sigma;
-      return GroundPointExtraction({}).extract(scene.frame(0), prior,
-                                               Eigen::Isometry3d::Identity());
+      return extract(scene.frame(0), prior);
     };
     const auto uncertain = extractWith(0.13);
     ASSERT_EQ(uncertain.status, MeasurementStatus::kMeasured) << roll;
@@ -58,7 +56,7 @@ TEST(GroundPointExtraction, WallsAcrossAndAlongThePathAreNotGround) {
   scene.addWall(150, -0.7, 0.7, 0.6, 5.0, 2);  // back of a car
   for (int i = 0; i < 60; ++i)
     scene.points.emplace_back(0.95, -0.01 * i, 2.0 + 0.1 * i);  // its side
-  const auto result = extract(scene, scene.frame(0));
+  const auto result = extract(scene.frame(0), movingPrior(scene));
   ASSERT_EQ(result.status, MeasurementStatus::kMeasured);
   EXPECT_NEAR(result.plane.height, 0.7, 0.01);
   std::size_t on_wall = 0;
@@ -75,7 +73,7 @@ TEST(GroundPointExtraction, KerbInTheMinorityIsRejectedInAnyUnit) {
   scene.depth_sigma = 0.005;
   scene.addPatch(120, 0.7, 1.0, 1.0, 9.0, -0.1, 3);  // pavement, 14 % of the camera height up
   for (const double unit : {1.0, 16.0}) {
-    const auto result = extract(scene, inUnit(unit, scene).frame(0));
+    const auto result = extract(inUnit(unit, scene).frame(0), movingPrior(scene));
     ASSERT_EQ(result.status, MeasurementStatus::kMeasured);
     EXPECT_NEAR(result.plane.height / unit, 0.7, 0.005);
     EXPECT_GT(result.points.size(), 100u);
@@ -87,11 +85,11 @@ TEST(GroundPointExtraction, TheRegionHasLimitsAndIsWideWhenTheLaneHasFewFeatures
   RoadScene scene = roadAhead();
   scene.addPatch(1000, -1.0, 1.0, 1.0, 9.0, 0, 2);
   scene.addPatch(400, 1.2, 2.5, 1.0, 9.0, 0, 4);
-  GroundPointExtraction::Options options;
+  GroundPointExtractionOptions options;
   options.max_ahead_heights = 8;
   for (const bool has_lane : {true, false}) {
     if (!has_lane) options.min_lane_features = 100000;
-    const auto result = extract(scene, scene.frame(0), options);
+    const auto result = extract(scene.frame(0), movingPrior(scene), options);
     ASSERT_EQ(result.status, MeasurementStatus::kMeasured);
     int outside = 0;
     for (const GroundPoint& point : result.points) {
@@ -122,9 +120,10 @@ TEST(GroundPointExtraction, FeaturesWithoutAUsablePointOrOutsideTheImageAreIgnor
     if (i % 7 == 5) feature.u = outside[i % 4];
     feature.id = i % 7;
   }
-  GroundPointExtraction::Options options;
+  GroundPointExtractionOptions options;
   options.min_lane_features = 100000;  // also of the wide region
-  for (const auto& result : {extract(scene, frame), extract(scene, frame, options)}) {
+  for (const auto& result :
+       {extract(frame, movingPrior(scene)), extract(frame, movingPrior(scene), options)}) {
     ASSERT_EQ(result.status, MeasurementStatus::kMeasured);
     EXPECT_NEAR(result.plane.height, 0.7, 1e-4);
     for (const GroundPoint& point : result.points) EXPECT_EQ(point.id, 6u);
@@ -133,31 +132,28 @@ TEST(GroundPointExtraction, FeaturesWithoutAUsablePointOrOutsideTheImageAreIgnor
 
 TEST(GroundPointExtraction, MotionTestRequiresNormalsPerpendicularToTheMotion) {
   const RoadScene scene = roadAhead();
-  GroundPointExtraction::Options options;
   for (const double angle : {-0.2, 0.2}) {  // 11 deg off
     RoadPrior climbing = movingPrior(scene);
     climbing.chord->direction_c =
         Eigen::AngleAxisd(angle, Eigen::Vector3d::UnitX()) * climbing.forward_c;
-    const auto result = GroundPointExtraction(options).extract(scene.frame(0), climbing,
-                                                               Eigen::Isometry3d::Identity());
+    const auto result = extract(scene.frame(0), climbing);
     EXPECT_EQ(result.ground_triangles, 0) << angle;
   }
-  const auto without = GroundPointExtraction(options).extract(scene.frame(0), priorOf(scene),
-                                                              Eigen::Isometry3d::Identity());
+  const auto without = extract(scene.frame(0), priorOf(scene));
   EXPECT_EQ(without.status, MeasurementStatus::kMeasured);
 }
 
 TEST(GroundPointExtraction, FramePitchTestReplacesTheTestOfTheTriangles) {
   const RoadScene scene = roadAhead();
-  GroundPointExtraction::Options options;
+  GroundPointExtractionOptions options;
   options.frame_pitch_test = true;
   for (const double pitch : {-0.2, 0.0, 0.2}) {
     RoadScene expected = scene;
     expected.pitch += pitch;  // a wrong prior has no effect
     const Eigen::Isometry3d motion(Eigen::AngleAxisd(pitch, Eigen::Vector3d::UnitX()));
     for (const Eigen::Isometry3d& last_motion : {motion, Eigen::Isometry3d::Identity()}) {
-      const auto result = GroundPointExtraction(options).extract(
-          scene.frame(0), priorOf(expected, 0.01), last_motion);
+      const auto result =
+          extractGroundPoints(scene.frame(0), priorOf(expected, 0.01), last_motion, options);
       const bool is_level = last_motion.linear().isIdentity();
       EXPECT_EQ(result.ground_triangles > 0, is_level) << pitch;
     }
@@ -171,8 +167,11 @@ std::vector<GroundPoint> pointsAhead(int n, std::uint64_t first) {
   std::vector<GroundPoint> points;
   for (int i = 0; i < n; ++i) {
     const double z = 2 + 0.37 * (i % 11);
-    points.push_back(
-        {first + static_cast<std::uint64_t>(i), {0.1 * (i % 7) - 0.3, kPlaneHeight, z}, 0.01 * z});
+    points.push_back({first + static_cast<std::uint64_t>(i),
+                      {0.1 * (i % 7) - 0.3, kPlaneHeight, z},
+                      Eigen::Vector3d::Zero(),
+                      z,
+                      0.01 * z});
   }
   return points;
 }
@@ -194,48 +193,45 @@ void add(CameraPath* path, double z, std::vector<GroundPoint> points) {
 }
 
 /// In the newest camera.
-GroundPointAggregation::Result aggregate(const CameraPath& path,
-                                         const GroundPointAggregation::Options& options = {}) {
-  return GroundPointAggregation(options).estimate(path, path.newest(), kPlaneHeight);
+std::vector<GroundPoint> windowOf(const CameraPath& path,
+                                  const GroundPointAggregationOptions& options = {}) {
+  return aggregateGroundPoints(path, path.newest().T_w_c, kPlaneHeight, options);
 }
 
 TEST(GroundPointAggregation, PointsAreMovedIntoTheNewestFrame) {
   CameraPath path;
   for (unsigned i = 0; i < 4; ++i) add(&path, 0.5 * i, pointsAhead(15, 1 + 100u * i));
-  const auto result = aggregate(path);
-  ASSERT_EQ(result.fit.status, MeasurementStatus::kMeasured);
-  EXPECT_EQ(result.window.size(), 60u);
-  EXPECT_NEAR(result.fit.plane.height, kPlaneHeight, 1e-5);
-  for (const PlanePoint& point : result.window) EXPECT_NEAR(point.p_c.y(), kPlaneHeight, 1e-9);
+  const std::vector<GroundPoint> window = windowOf(path);
+  EXPECT_EQ(window.size(), 60u);
+  for (const GroundPoint& point : window) EXPECT_NEAR(point.p_c.y(), kPlaneHeight, 1e-9);
   // The points of the oldest frame, 1.5 VO units behind, come last.
-  EXPECT_NEAR((result.window.back().origin_c - Eigen::Vector3d(0, 0, -1.5)).norm(), 0, 1e-9);
-  EXPECT_NEAR(result.window[45].p_c.z(), 2 - 1.5, 1e-9);
-  EXPECT_NEAR(result.window[45].depth, 2, 1e-9);
+  EXPECT_NEAR((window.back().origin_c - Eigen::Vector3d(0, 0, -1.5)).norm(), 0, 1e-9);
+  EXPECT_NEAR(window[45].p_c.z(), 2 - 1.5, 1e-9);
+  EXPECT_NEAR(window[45].depth, 2, 1e-9);
 }
 
 TEST(GroundPointAggregation, TheWindowIsBounded) {
   // Points in the window after ten frames, and the z of its oldest camera.
-  const auto windowOf = [](const GroundPointAggregation::Options& options, double step,
-                           int points) {
+  const auto sizeOf = [](const GroundPointAggregationOptions& options, double step, int points) {
     CameraPath path;
     for (unsigned i = 0; i < 10; ++i) {
       add(&path, step * i, pointsAhead(points, 1 + 10000u * i));
       path.add({0, poseAt(step * i)});  // without ground points it does not count
     }
-    const auto result = aggregate(path, options);
-    EXPECT_NEAR(result.window.front().origin_c.z(), 0, 1e-9);  // the newest
-    return std::pair(result.window.size(), result.window.back().origin_c.z());
+    const auto window = windowOf(path, options);
+    EXPECT_NEAR(window.front().origin_c.z(), 0, 1e-9);  // the newest
+    return std::pair(window.size(), window.back().origin_c.z());
   };
-  GroundPointAggregation::Options options;
+  GroundPointAggregationOptions options;
   options.window_heights = 2;  // 1.6 VO units: four frames
-  const auto [by_length, length] = windowOf(options, 0.5, 20);
+  const auto [by_length, length] = sizeOf(options, 0.5, 20);
   EXPECT_EQ(by_length, 80u);
   EXPECT_NEAR(length, -1.5, 1e-9);
   options.max_frames = 3;
-  const auto [by_frames, three_frames] = windowOf(options, 0.01, 20);
+  const auto [by_frames, three_frames] = sizeOf(options, 0.01, 20);
   EXPECT_EQ(by_frames, 60u);
   EXPECT_NEAR(three_frames, -0.02, 1e-9);
-  EXPECT_LT(windowOf({}, 0.1, 2000).first, 10000u);  // also the number of points
+  EXPECT_LT(sizeOf({}, 0.1, 2000).first, 10000u);  // also the number of points
 }
 
 }  // namespace

@@ -22,7 +22,6 @@
 #include "ground_scale_vo/input/camera_file.hpp"
 #include "ground_scale_vo/input/image.hpp"
 #include "input/camera_info.hpp"
-#include "scale/height_file.hpp"
 #include "scale/road.hpp"
 
 namespace {
@@ -339,13 +338,8 @@ void addDrives(py::module* module) {
       .def("next", &nextRectified)
       .def("warnings", [](const Reader& r) { return r.drive->warnings(); })
       .def("failure", [](const Reader& r) { return r.drive->failure(); });
-  module->def("height_yaml", [](const std::string& source, double height, double error95) {
-    return gsv::heightYaml(source, {height, error95});
-  });
-  module->def("mounting_comments",
-              [](double height, double pitch, double pitch95, double roll, double roll95) {
-                return gsv::mountingComments(height, {pitch, pitch95}, {roll, roll95});
-              });
+  module->def("height_yaml", &gsv::heightYaml);
+  module->def("mounting_comments", &gsv::mountingComments);
   module->def("pitch_of", &gsv::pitchOf);
   module->def("roll_of", &gsv::rollOf);
   module->def("open_files", &openFiles);

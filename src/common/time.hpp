@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <cstddef>
@@ -18,6 +19,10 @@ constexpr double kLatestStamp = 4294967295;
 inline double secondsBetween(std::int64_t from_ns, std::int64_t to_ns) {
   return static_cast<double>(to_ns - from_ns) * 1e-9;
 }
+
+/// Whether two consecutive intervals are so unequal that the velocity over both counts: images in
+/// pairs have stamps with too short and too long intervals in turn.
+inline bool areUnequal(double dt_a, double dt_b) { return std::max(dt_a / dt_b, dt_b / dt_a) > 2; }
 
 /// Stamp [ns] of image i of images at a constant rate [Hz], from 0 on.
 inline std::int64_t stampAtRate(std::size_t i, double rate_hz) {

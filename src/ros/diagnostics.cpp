@@ -10,8 +10,7 @@
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/math.hpp"
 #include "ground_scale_vo/common/se3.hpp"
-#include "scale/height_file.hpp"
-#include "scale/mounting.hpp"
+#include "scale/road.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -224,9 +223,9 @@ std::string learnedHeightYaml(const ScaleRecovery::Output& measured, double give
                height, percent));
   }
   const double angle95 = kSigmas95 * measured.mounting_sigma;
-  return heightYaml("the speeds of the vehicle", {height, error95}) +
-         mountingComments(height, {measured.mounting_pitch, angle95},
-                          {measured.mounting_roll, angle95});
+  return heightYaml("the speeds of the vehicle", height, error95) +
+         mountingComments(height, measured.mounting_pitch, angle95, measured.mounting_roll,
+                          angle95);
 }
 
 }  // namespace ground_scale_vo

@@ -14,10 +14,6 @@ namespace {
 /// Steps of the numerical integration over a gap between two maps.
 constexpr int kBridgeSteps = 16;
 
-/// Largest ratio of two consecutive intervals of which each gives a velocity. The images of a pair
-/// are too close to each other for that.
-constexpr double kMaxIntervalRatio = 2;
-
 /// White noise of a position [camera heights] and of a rotation [rad], for the covariance of the
 /// twist: it never vanishes.
 constexpr double kPositionNoise = 0.002, kRotationNoise = 0.0002;
@@ -86,7 +82,7 @@ std::optional<MetricPose> MetricTrajectory::appendTracked(const VoFrame& frame,
   if (start_ != Start::kBefore) {
     map_ = newMap(frame);
     start_ = Start::kBefore;
-    last_step_ = {};
+    last_step_s_ = 0;
     previous = {map_->ref_stamp_ns, map_->T_w_ref};
   }
   if (scale.measurement == MeasurementStatus::kStandstill &&
@@ -171,12 +167,10 @@ void MetricTrajectory::anchorMap(const Eigen::Isometry3d& T_ref_c, const ScaleEs
   map_->metric = true;
   if (has_pose_) {
     const Eigen::Vector3d motion = scale.scale * T_ref_c.translation();
-    const auto length =
-        speeds.agrees() ? speeds.distance(last_stamp_ns_, map_->ref_stamp_ns) : std::nullopt;
     if (dt > 0) {
-      bridgeGap(motion / dt, motion.norm() / dt * scale.sigma / scale.scale, length);
+      bridgeGap(motion / dt, motion.norm() / dt * scale.sigma / scale.scale, speeds);
     } else {
-      bridgeGap(std::nullopt, 0, length);
+      bridgeGap(std::nullopt, 0, speeds);
     }
   } else {
     last_.T_o_c.linear() = map_->R_last_ref;
@@ -188,10 +182,13 @@ void MetricTrajectory::anchorMap(const Eigen::Isometry3d& T_ref_c, const ScaleEs
 
 /// Moves last_ and covariance_ to the reference frame of a later map. velocity_ref: mean velocity
 /// after it [m/s], reference axes, if known. velocity_sigma: standard deviation of its length.
-/// length: of the gap, by the speeds.
 void MetricTrajectory::bridgeGap(const std::optional<Eigen::Vector3d>& velocity_ref,
-                                 double velocity_sigma,
-                                 const std::optional<SpeedTrack::Distance>& length) {
+                                 double velocity_sigma, const SpeedTrack& speeds) {
+  double length_sigma = 0;
+  const std::optional<double> length =  // of the gap
+      speeds.agrees() ? speeds.distance(last_stamp_ns_, map_->ref_stamp_ns, &length_sigma)
+                      : std::nullopt;
+  const double metres = length.value_or(0);
   const bool stood_still = !length && last_motion_stamp_ns_ < last_stamp_ns_;
   const double dt = std::max(0.0, secondsBetween(last_stamp_ns_, map_->ref_stamp_ns));
   const bool two_ended = velocity_ref.has_value();
@@ -201,20 +198,20 @@ void MetricTrajectory::bridgeGap(const std::optional<Eigen::Vector3d>& velocity_
     const double unobserved_s = secondsBetween(last_motion_stamp_ns_, map_->ref_stamp_ns);
     P.diagonal().head<3>().array() += std::pow(unobserved_s * kUnobservedSpeedSigma, 2);
   } else {
-    gap = arc(map_->R_last_ref, velocity_.mean_c, velocity_ref.value_or(velocity_.mean_c), dt);
+    gap = arc(map_->R_last_ref, velocity_c_, velocity_ref.value_or(velocity_c_), dt);
     // Displacement error of an unknown acceleration; half of it if both ends are known.
     const double acceleration_sigma =
         options_.bridge_acceleration_sigma * dt * dt / (two_ended ? 4 : 2);
     const double speed_variance =
-        two_ended ? 0.25 * (velocity_.variance + velocity_sigma * velocity_sigma)
-                  : velocity_.variance;
+        two_ended ? 0.25 * (velocity_variance_ + velocity_sigma * velocity_sigma)
+                  : velocity_variance_;
     P.diagonal().head<3>().array() +=
         acceleration_sigma * acceleration_sigma + speed_variance * dt * dt;
     if (length && gap.norm() > 0) {
-      gap *= std::abs(length->metres) / gap.norm();
+      gap *= std::abs(metres) / gap.norm();
       P = last_.covariance;
       P.diagonal().head<3>().array() +=
-          std::pow(length->sigma, 2) + std::pow(kGapLengthSigma * length->metres, 2);
+          std::pow(length_sigma, 2) + std::pow(kGapLengthSigma * metres, 2);
     }
   }
   const Eigen::Vector3d gap_o = last_.T_o_c.linear() * gap;
@@ -315,29 +312,32 @@ void MetricTrajectory::setTwist(const Eigen::Isometry3d& T_last_c, const ScaleEs
   if (!(dt > 0)) {
     last_.twist_c.setZero();
     covariance = std::pow(kUnknownSpeedSigma, 2) * Matrix6d::Identity();
-    velocity_ = {Eigen::Vector3d::Zero(), covariance.topLeftCorner<3, 3>().trace()};
+    velocity_c_.setZero();
+    velocity_variance_ = covariance.topLeftCorner<3, 3>().trace();
     return;
   }
   const Eigen::Matrix3d R_c_last = T_last_c.linear().transpose();
-  const Step step{scale.scale * (R_c_last * T_last_c.translation()), dt};
+  const Eigen::Vector3d step_c = scale.scale * (R_c_last * T_last_c.translation());
   const Eigen::Vector3d rotation_c = rotationVector(T_last_c.linear());
-  last_.twist_c << step.motion_c / dt, rotation_c / dt;
+  last_.twist_c << step_c / dt, rotation_c / dt;
   covariance = 2 * pose_covariance_c_;
-  covariance.topLeftCorner<3, 3>() = stepCovariance(step.motion_c, scale);
+  covariance.topLeftCorner<3, 3>() = stepCovariance(step_c, scale);
   covariance.bottomRightCorner<3, 3>() +=
-      (rotationVariance(step.motion_c.norm()) + 2 * std::pow(kRotationNoise, 2)) *
+      (rotationVariance(step_c.norm()) + 2 * std::pow(kRotationNoise, 2)) *
           Eigen::Matrix3d::Identity() +
       std::pow(options_.rotation_scale_sigma, 2) * rotation_c * rotation_c.transpose();
   covariance /= dt * dt;
 
-  Step whole = step;
-  if (last_step_.dt > 0 &&
-      std::max(dt, last_step_.dt) > kMaxIntervalRatio * std::min(dt, last_step_.dt)) {
-    whole = {step.motion_c + R_c_last * last_step_.motion_c, dt + last_step_.dt};
+  Eigen::Vector3d steps_c = step_c;
+  double steps_s = dt;
+  if (last_step_s_ > 0 && areUnequal(dt, last_step_s_)) {
+    steps_c += R_c_last * last_step_c_;
+    steps_s += last_step_s_;
   }
-  velocity_ = {whole.motion_c / whole.dt,
-               stepCovariance(whole.motion_c, scale).trace() / (whole.dt * whole.dt)};
-  last_step_ = step;
+  velocity_c_ = steps_c / steps_s;
+  velocity_variance_ = stepCovariance(steps_c, scale).trace() / (steps_s * steps_s);
+  last_step_c_ = step_c;
+  last_step_s_ = dt;
 }
 
 /// Of a step [m] in camera axes, with the errors of the poses at both ends: of the map points'

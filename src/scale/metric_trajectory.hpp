@@ -10,7 +10,7 @@
 #include "ground_scale_vo/scale/scale_estimate.hpp"
 #include "ground_scale_vo/scale/scale_options.hpp"
 #include "ground_scale_vo/vo/vo_frame.hpp"
-#include "scale/speed_track.hpp"
+#include "scale/path_speed.hpp"
 
 namespace ground_scale_vo {
 
@@ -63,24 +63,13 @@ class MetricTrajectory {
     /// when it turns out that the speeds have failed and the vehicle moves.
     std::optional<std::pair<Eigen::Isometry3d, Eigen::Isometry3d>> before_stop;
   };
-  /// Motion between two tracked poses; dt 0: not known.
-  struct Step {
-    Eigen::Vector3d motion_c = Eigen::Vector3d::Zero();  ///< [m], in the axes of its end
-    double dt = 0;                                       ///< [s]
-  };
-  /// Before a gap: mean over the last two steps.
-  struct Velocity {
-    Eigen::Vector3d mean_c = Eigen::Vector3d::Zero();  ///< [m/s]
-    double variance = 0;                               ///< sum of the axes
-  };
-
   std::optional<MetricPose> appendTracked(const VoFrame& frame, const ScaleEstimate& scale,
                                           const SpeedTrack& speeds);
   Map newMap(const VoFrame& frame) const;
   void anchorMap(const Eigen::Isometry3d& T_ref_c, const ScaleEstimate& scale, double dt,
                  const SpeedTrack& speeds);
   void bridgeGap(const std::optional<Eigen::Vector3d>& velocity_ref, double velocity_sigma,
-                 const std::optional<SpeedTrack::Distance>& length);
+                 const SpeedTrack& speeds);
   void rescaleYoungMap(const Eigen::Isometry3d& T_last_c, const Eigen::Isometry3d& T_ref_c,
                        const ScaleEstimate& scale);
   void integrate(const Eigen::Isometry3d& T_last_c, const ScaleEstimate& scale);
@@ -99,12 +88,14 @@ class MetricTrajectory {
   bool has_pose_ = false;
   MetricPose last_;
   StateCovariance covariance_ = StateCovariance::Zero();
-  Matrix6d pose_covariance_c_ = Matrix6d::Zero();  ///< of the newest frame, in metres
-  Step last_step_;                                 ///< to last_
-  Velocity velocity_;                              ///< at last_
-  std::int64_t last_refused_stamp_ns_ = 0;         ///< of the last pose that was not used
-  std::int64_t last_stamp_ns_ = 0;                 ///< of last_
-  std::int64_t last_motion_stamp_ns_ = 0;          ///< of the last frame that was not at standstill
+  Matrix6d pose_covariance_c_ = Matrix6d::Zero();          ///< of the newest frame, in metres
+  Eigen::Vector3d last_step_c_ = Eigen::Vector3d::Zero();  ///< to last_, in its axes [m]
+  double last_step_s_ = 0;                                 ///< its duration; 0: not known
+  Eigen::Vector3d velocity_c_ = Eigen::Vector3d::Zero();   ///< at last_: mean of two steps [m/s]
+  double velocity_variance_ = 0;                           ///< sum of the axes
+  std::int64_t last_refused_stamp_ns_ = 0;                 ///< of the last pose that was not used
+  std::int64_t last_stamp_ns_ = 0;                         ///< of last_
+  std::int64_t last_motion_stamp_ns_ = 0;  ///< of the last frame that was not at standstill
 };
 
 }  // namespace ground_scale_vo

@@ -9,9 +9,9 @@
 #include "scale/direct_plane_estimator.hpp"
 #include "scale/ground_points.hpp"
 #include "scale/metric_trajectory.hpp"
-#include "scale/mounting.hpp"
 #include "scale/path_speed.hpp"
 #include "scale/plane_fit.hpp"
+#include "scale/road.hpp"
 #include "scale/scale_filter.hpp"
 
 namespace ground_scale_vo {

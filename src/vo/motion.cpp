@@ -18,10 +18,6 @@ namespace {
 /// images) and one that needs a new map (41 black images behind a car).
 constexpr double kMaxPredictedSteps = 12;
 
-/// When the last two intervals differ by more than this factor, the velocity over both is
-/// extrapolated: images in pairs have stamps with too short and too long intervals in turn.
-constexpr double kMaxIntervalRatio = 2;
-
 // The grid over the image in which unknown depths are taken from their neighbours': a cell of a
 // KITTI image is 78 x 47 px, and 3 points suffice for a median that one outlier does not move.
 constexpr int kColumns = 16, kRows = 8;
@@ -91,8 +87,7 @@ void MotionModel::update(const StampedPose& pose) {
     const Eigen::AngleAxisd rotation(step.linear());
     Vector6d velocity;
     velocity << rotation.angle() / dt * rotation.axis(), step.translation() / dt;
-    const bool is_irregular =
-        velocity_dt_ > 0 && std::max(dt / velocity_dt_, velocity_dt_ / dt) > kMaxIntervalRatio;
+    const bool is_irregular = velocity_dt_ > 0 && areUnequal(dt, velocity_dt_);
     long_dt_ = is_irregular ? velocity_dt_ + dt : dt;
     long_velocity_ = velocity;
     if (is_irregular) long_velocity_ = (velocity_dt_ * velocity_ + dt * velocity) / long_dt_;

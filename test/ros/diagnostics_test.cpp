@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "ground_scale_vo/common/error.hpp"
-#include "scale/mounting.hpp"
+#include "scale/road.hpp"
 #include "support/expect_throws.hpp"
 #include "support/learned_height.hpp"
 

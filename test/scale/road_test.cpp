@@ -2,7 +2,11 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+
+#include "scale/camera_path.hpp"
+#include "support/road_scene.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -77,6 +81,108 @@ TEST(LaneRegion, OffsetIsZeroWhileThePathIsVisible) {
   PinholeCamera sky = kitti;
   sky.cy = 500;
   EXPECT_EQ(visibleRegionOffset(sky, levelPrior(0)), 0);
+}
+
+/// Drives `heights` camera heights in steps of `step` [VO units], from the position *at [VO units]
+/// on.
+void drive(Mounting* mounting, const RoadScene& scene, double heights, double step, double* at) {
+  CameraPath path;
+  const GroundPlane plane{scene.normal(), scene.height};
+  for (double driven = 0; driven < heights * scene.height; driven += step) {
+    path.add({0, scene.frameAt(0, *at += step).T_w_c});
+    mounting->update(mounting->prior(path, scene.height), &plane, step, scene.height);
+  }
+}
+
+TEST(Mounting, DoesNotDependOnTheFrameRate) {
+  RoadScene scene;
+  scene.pitch = 0.05;
+  scene.roll = 0.04;
+  Mounting slow({}), fast({});
+  double at_slow = 0, at_fast = 0;
+  drive(&slow, scene, 12, 0.4, &at_slow);
+  drive(&fast, scene, 12, 0.04, &at_fast);
+  EXPECT_GT(std::abs(slow.roll() - 0.04), 1e-4);  // not converged yet
+  EXPECT_NEAR(fast.roll(), slow.roll(), 0.2 * std::abs(slow.roll() - 0.04));
+  EXPECT_NEAR(fast.sigma(), slow.sigma(), 0.1 * slow.sigma());
+}
+
+TEST(Mounting, FollowsAChangeAfterTheForgettingDistance) {
+  Mounting mounting({});
+  RoadScene scene;
+  double at = 0;
+  scene.pitch = scene.roll = 0;
+  drive(&mounting, scene, 400, 0.4, &at);
+  scene.pitch = scene.roll = 0.02;
+  drive(&mounting, scene, 1000, 0.4, &at);  // 5 times the distance
+  EXPECT_NEAR(mounting.pitch(), 0.02, 0.002);
+  EXPECT_NEAR(mounting.roll(), 0.02, 0.002);
+}
+
+TEST(Mounting, PitchAndRollAreLimitedTogether) {
+  Mounting::Options options;
+  options.max_tilt_rad = 0.1;
+  for (const double pitch : {0.0, 0.3}) {
+    for (const double roll : {-0.3, 0.3}) {
+      Mounting mounting(options);
+      RoadScene scene;
+      scene.pitch = pitch;
+      scene.roll = roll;
+      double at = 0;
+      drive(&mounting, scene, 400, 0.4, &at);
+      EXPECT_NEAR(mounting.pitch(), std::min(pitch, 0.1), 0.01);
+      EXPECT_NEAR(mounting.roll(), std::copysign(0.1, roll), 1e-9);
+    }
+  }
+}
+
+/// A camera that looks to the left by yaw [rad] moves forward; the plane's tilt along the path is
+/// not used.
+class MountingYaw : public testing::TestWithParam<double> {};
+
+TEST_P(MountingYaw, IsEstimatedInAnyViewingDirection) {
+  constexpr double kPitch = 0.15, kRoll = -0.12;
+  const Eigen::Vector3d n_c(-std::sin(kRoll), -std::cos(kRoll) * std::cos(kPitch),
+                            -std::cos(kRoll) * std::sin(kPitch));
+  const Eigen::Vector3d view(std::sin(GetParam()), 0, std::cos(GetParam()));
+  const Eigen::Vector3d ahead = (view - n_c.dot(view) * n_c).normalized();
+  CameraPath path;
+  Mounting mounting({});
+  const GroundPlane plane{Eigen::AngleAxisd(0.1, n_c.cross(ahead)) * n_c, 1};
+  for (int i = 0; i < 50; ++i) {
+    Eigen::Isometry3d T_w_c = Eigen::Isometry3d::Identity();
+    T_w_c.translation() = 0.5 * i * ahead;
+    path.add({0, T_w_c});
+    mounting.update(mounting.prior(path, 1), &plane, 0.5, 1);
+  }
+  EXPECT_NEAR(mounting.pitch(), kPitch, 3e-3);
+  EXPECT_NEAR(mounting.roll(), kRoll, 3e-3);
+  const RoadPrior prior = mounting.prior(path, 1);
+  EXPECT_LT((prior.n_c - n_c).norm(), 3e-3);
+  EXPECT_LT((prior.forward_c - ahead).norm(), 3e-3);
+  EXPECT_LT(prior.pitch_sigma, 0.01);
+  EXPECT_LT(prior.roll_sigma, 0.015);
+}
+
+INSTANTIATE_TEST_SUITE_P(Directions, MountingYaw,
+                         testing::Values(0.0, 0.25 * M_PI, 0.5 * M_PI, -0.5 * M_PI, M_PI));
+
+TEST(Mounting, SteepAndNoMotionDoNotUpdate) {
+  Mounting mounting({});
+  RoadPrior prior;
+  mounting.update(prior, nullptr, 1, 1);
+  for (const double slope : {0.9, 1.0}) {
+    const Eigen::Vector3d direction(0, slope, std::sqrt(1 - slope * slope));
+    prior.chord = Chord{direction, 1};
+    mounting.update(prior, nullptr, 1, 1);
+  }
+  EXPECT_EQ(mounting.pitch(), 0);
+  EXPECT_EQ(mounting.roll(), 0);
+  const double initial_sigma = mounting.sigma();
+  double at = 0;
+  drive(&mounting, RoadScene(), 40, 0.4, &at);
+  EXPECT_NE(mounting.pitch(), 0);
+  EXPECT_LT(mounting.sigma(), 0.5 * initial_sigma);
 }
 
 }  // namespace

@@ -30,7 +30,7 @@ namespace ground_scale_vo {
 /// ~save_camera.
 ///
 /// Bundle adjustment has a thread of its own (Mapping), and feature tracking uses OpenCV's threads
-/// (parallelLoop()). The image callback stores the image, a compressed one decoded; a posted task
+/// (trackPoints()). The image callback stores the image, a compressed one decoded; a posted task
 /// processes one stored image after all callbacks that wait. So the newest `queue_size` images are
 /// always in the queue, and dropped ones are counted exactly. Images wait for the first valid
 /// camera_info.

@@ -11,7 +11,6 @@
 #include "common/simd.hpp"
 #include "common/vector_loop.hpp"
 #include "ground_scale_vo/common/math.hpp"
-#include "vo/lucas_kanade.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -45,10 +44,6 @@ constexpr double kGoodCorrelation = 0.95;
 
 /// Standard deviation of an aligned feature [normalised image coordinates].
 constexpr double kAlignedSigma = 0.00025;
-
-/// [px] that the pixels of most patches extend beyond the window, both sides together: the border
-/// for the gradients, and the change of size.
-constexpr int kPrefetchMargin_px = 4;
 
 // Square patches in floating-point numbers. A patch is stored row by row in a flat array with a
 // stride of the side plus two columns. The loops run over the array without regard to rows,
@@ -193,19 +188,9 @@ class FloatWindow {
     if (column == column_ && row == row_) return;
     column_ = column;
     row_ = row;
-    const auto step = static_cast<std::ptrdiff_t>(image_.step[0]);
-    constexpr std::size_t columns = kAlignedSide + 1;
-    const unsigned char* from = image_.ptr(row) + column;
     float* to = pixels_.data();
-    // At the end of the memory a row cannot be read in whole kSimdFloats.
-    const bool whole =
-        from + kAlignedSide * step + padded(columns, kSimdFloats) <= image_.datalimit;
-    for (int y = 0; y <= kAlignedSide; ++y, from += step, to += kAlignedStride) {
-      if (whole) {
-        std::copy_n(from, padded(columns, kSimdFloats), to);
-      } else {
-        std::copy_n(from, columns, to);
-      }
+    for (int y = 0; y <= kAlignedSide; ++y, to += kAlignedStride) {
+      std::copy_n(image_.ptr(row + y) + column, kAlignedSide + 1, to);
     }
   }
   const float* data() const { return pixels_.data(); }
@@ -340,19 +325,10 @@ void ReferenceAlignment::align(const LocalMap& map, const ImagePyramid& image,
                                std::vector<Feature>* features) {
   const Eigen::Isometry3d T_c_w = predicted_T_w_c.inverse();
   updateViews(map, image.exposure, T_c_w);
-  std::vector<Reference> references;
   for (Feature& feature : *features) {
-    if (const auto reference = findReference(map, &feature, T_c_w))
-      references.push_back(*reference);
-  }
-  constexpr int side = kAlignedSide + kPrefetchMargin_px;
-  for (std::size_t i = 0; i < references.size(); ++i) {
-    if (i + 1 < references.size()) {
-      const Reference& next = references[i + 1];
-      prefetchPatch(next.view->image, toCv(next.u), side);
-      prefetchPatch(image.image, toCv(next.feature->u), side);
+    if (const auto reference = findReference(map, feature, T_c_w)) {
+      alignFeature(*reference, image.image, &feature);
     }
-    alignFeature(references[i], image.image);
   }
 }
 
@@ -375,8 +351,8 @@ void ReferenceAlignment::updateViews(const LocalMap& map, double exposure,
 /// The patch in the earliest keyframe that observed the feature and from which its size in the
 /// current image differs little.
 std::optional<ReferenceAlignment::Reference> ReferenceAlignment::findReference(
-    const LocalMap& map, Feature* feature, const Eigen::Isometry3d& T_c_w) const {
-  const Landmark* const landmark = map.find(feature->id);
+    const LocalMap& map, const Feature& feature, const Eigen::Isometry3d& T_c_w) const {
+  const Landmark* const landmark = map.find(feature.id);
   const auto point = landmark ? map.point(*landmark) : std::nullopt;
   const double depth = point ? (T_c_w * point->p_w).z() : 0;
   if (!(depth > 0)) return std::nullopt;
@@ -385,15 +361,15 @@ std::optional<ReferenceAlignment::Reference> ReferenceAlignment::findReference(
     const Eigen::Vector3d p_r = view.T_r_w * point->p_w;
     const double scale = p_r.z() / depth;
     if (view.image.empty() || scale > kMaxSizeRatio || scale < 1 / kMaxSizeRatio) continue;
-    return Reference{feature, &view, camera_.project(o.x.homogeneous()) - o.to_stamp, p_r};
+    return Reference{&view, camera_.project(o.x.homogeneous()) - o.to_stamp, p_r};
   }
   return std::nullopt;
 }
 
 /// Tries the last successful surface hypothesis, and the others when it does not fit well.
-void ReferenceAlignment::alignFeature(const Reference& reference, const cv::Mat& image) const {
-  Feature& feature = *reference.feature;
-  const Feature tracked = feature;
+void ReferenceAlignment::alignFeature(const Reference& reference, const cv::Mat& image,
+                                      Feature* feature) const {
+  const Feature tracked = *feature;
   double correlation = -1;
   const auto trySurface = [&](PatchSurface surface) {
     const auto warp = patchWarp(camera_, reference.p_r, reference.view->T_c_r, surface);
@@ -402,9 +378,9 @@ void ReferenceAlignment::alignFeature(const Reference& reference, const cv::Mat&
         alignPatch(reference.view->image, reference.u, *warp, image, tracked.u, min_correlation_);
     if (!match || correlation >= match->correlation) return;
     correlation = match->correlation;
-    feature.u = match->u;
-    feature.sigma = kAlignedSigma;
-    feature.surface = surface;
+    feature->u = match->u;
+    feature->sigma = kAlignedSigma;
+    feature->surface = surface;
   };
   trySurface(tracked.surface);
   if (correlation >= kGoodCorrelation) return;

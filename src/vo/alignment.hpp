@@ -58,16 +58,15 @@ class ReferenceAlignment {
   };
   /// The patch that a feature is aligned to.
   struct Reference {
-    Feature* feature;
     const View* view;
     Eigen::Vector2d u;    ///< [px]
     Eigen::Vector3d p_r;  ///< the point in the keyframe's camera
   };
 
   void updateViews(const LocalMap& map, double exposure, const Eigen::Isometry3d& T_c_w);
-  std::optional<Reference> findReference(const LocalMap& map, Feature* feature,
+  std::optional<Reference> findReference(const LocalMap& map, const Feature& feature,
                                          const Eigen::Isometry3d& T_c_w) const;
-  void alignFeature(const Reference& reference, const cv::Mat& image) const;
+  void alignFeature(const Reference& reference, const cv::Mat& image, Feature* feature) const;
 
   const PinholeCamera camera_;
   const double min_correlation_;

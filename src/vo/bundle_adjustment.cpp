@@ -128,13 +128,10 @@ void BundleAdjustment::linearise() {
   anchor_sums_.assign(3 * landmarks_.size(), 0);
   for (std::size_t g = 0; g < relative_poses_.size(); ++g) {
     const RelativePose& relative = relative_poses_[g];
-    if (isFixed(relative.observer)) {
-      reprojections_.lineariseDepths(g, relative.T_o_a, rows_.data());
-    } else {
-      const ProjectionSums sums =
-          reprojections_.linearise(g, relative.T_o_a, rows_.data(), anchor_sums_.data());
-      addPoseBlocks(relative, sums.hessian(), -sums.gradientSum());
-    }
+    const ProjectionSums sums =
+        reprojections_.linearise(g, relative.T_o_a, rows_.data(), anchor_sums_.data());
+    if (isFixed(relative.observer)) continue;
+    addPoseBlocks(relative, sums.hessian(), -sums.gradientSum());
   }
   for (std::size_t i = 0; i < landmarks_.size(); ++i) finishLandmark(i);
 }

@@ -20,11 +20,7 @@ constexpr double kHuberSigma = 1;
 /// observe: reprojection error with Huber's loss, Levenberg-Marquardt. Older keyframes are fixed,
 /// which fixes the gauge (7 degrees of freedom). While fewer than two keyframes are older than the
 /// window, the first keyframe of the map and its distance to the newest one are fixed instead.
-///
-/// A landmark with inverse depth rho on the ray of its anchor a projects into observer o as
-///   q = R_o_a ray + rho t_o_a,   residual r = (q_xy / q_z - x) / sigma,
-/// x: observed position in normalised image coordinates, sigma: its standard deviation.
-/// The inverse depths are eliminated by the Schur complement.
+/// The inverse depths are eliminated by the Schur complement. Residuals: Reprojections.
 ///
 /// The flat arrays keep their memory from one adjustment to the next. A keyframe is numbered by its
 /// position in the map; those from `first_free_` on have six rows each in the normal equations.

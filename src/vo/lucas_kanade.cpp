@@ -33,6 +33,8 @@ constexpr int kLevelsNearPrediction = 1;
 /// [px] largest distance after tracking forward and backward; correct tracks return to 0.1 px.
 constexpr double kMaxReturnError_px = 0.7;
 
+constexpr double kPartsPerThread = 4;  // of the points: more would balance the load no better
+
 // Square patches in 16-bit integers. They are stored row by row in flat arrays; the loops run over
 // an array without regard to rows, so that the compiler vectorises them, and the gradients are zero
 // in the padding between rows. Sums of products are exact integers: the results do not depend on
@@ -184,21 +186,14 @@ class PixelWindow {
     if (from == read_from_ && rows == rows_) return;
     read_from_ = from;
     rows_ = rows;
-    const auto columns = static_cast<std::ptrdiff_t>(padded(kPatchStride, kPatchChunk));
     Element* to = pixels_.data();
-    if (from + (rows - 1) * step + columns <= image.datalimit) {
-      for (int y = 0; y < rows; ++y, from += step, to += kPatchStride) widen(from, columns, to);
-    } else {  // At the end of the memory a row cannot be read in whole chunks.
-      for (int y = 0; y < rows; ++y, from += step, to += kPatchStride) {
-        widen(from, std::clamp<std::ptrdiff_t>(image.datalimit - from, 0, columns), to);
-      }
-    }
+    for (int y = 0; y < rows; ++y, from += step, to += kPatchStride) widen(from, to);
   }
 
-  static void widen(const unsigned char* __restrict from, std::ptrdiff_t count,
-                    std::int16_t* __restrict to) {
-    for (std::ptrdiff_t x = 0; x < count; ++x)
-      to[x] = static_cast<std::int16_t>(from[x] * kGreyUnit);
+  static void widen(const unsigned char* __restrict from, Element* __restrict to) {
+    for (std::size_t x = 0; x < padded(kPatchStride, kPatchChunk); ++x) {
+      to[x] = static_cast<Element>(from[x] * kGreyUnit);
+    }
   }
 
   PatchArray pixels_{};
@@ -208,8 +203,8 @@ class PixelWindow {
 };
 
 /// Whether a patch overlaps the image; false for coordinates that are not finite.
-bool overlaps(const cv::Mat& image, const cv::Point2f& centre, int side) {
-  return isInside(image, centre, static_cast<float>(side / 2 - side));
+bool overlaps(const cv::Mat& image, const cv::Point2f& centre) {
+  return isInside(image, centre, static_cast<float>(kTrackedSide / 2 - kTrackedSide));
 }
 
 float smallerEigenvalue(const GradientPatch& m) {
@@ -244,7 +239,7 @@ GSV_VECTOR_LOOP __attribute__((flatten)) cv::Point2f minimise(const GradientPatc
                                                               cv::Point2f point) {
   cv::Point2f previous_step;
   for (int iteration = 0; iteration < kMaxTrackingIterations; ++iteration) {
-    if (!overlaps(image, point, kTrackedSide)) break;
+    if (!overlaps(image, point)) break;
     window->moveTo(image, point, 0);
     const Eigen::Vector2f product = -patch.inverse_hessian * window->gradientTimesDifference(patch);
     const cv::Point2f step(product.x(), product.y());
@@ -264,7 +259,7 @@ GSV_VECTOR_LOOP __attribute__((flatten)) cv::Point2f minimise(const GradientPatc
 /// directions.
 bool readUsable(const cv::Mat& image, const cv::Point2f& centre, Search* search,
                 GradientPatch* patch) {
-  if (!overlaps(image, centre, kTrackedSide)) return false;
+  if (!overlaps(image, centre)) return false;
   readPatch(image, centre, &search->window, &search->wide, patch);
   constexpr float pixels = kTrackedSide * kTrackedSide;
   if (smallerEigenvalue(*patch) <
@@ -291,7 +286,7 @@ bool find(const ImagePyramid& from, const ImagePyramid& to, const cv::Point2f& f
     if (level > 0 && !readUsable(from.levels[k], from_point / scale, search, &patch)) continue;
     *point = minimise(patch, to.levels[k], &search->window, *point / scale) * scale;
   }
-  return overlaps(to.levels[0], *point, kTrackedSide);
+  return overlaps(to.levels[0], *point);
 }
 
 /// Whether the patch is found in the second image, where `allowed` is not 0, and from there in the
@@ -310,40 +305,17 @@ bool findThereAndBack(const ImagePyramid& from, const ImagePyramid& to,
          cv::norm(returned - from_point) <= kMaxReturnError_px;
 }
 
-/// Calls body(cv::Range) for parts of [0, count) on OpenCV's threads. There are a few parts per
-/// thread: more would balance the load no better, and each begins with the memory of a search. Left
-/// to itself, OpenCV with libtbb makes over a hundred.
-template <typename Body>
-void parallelLoop(int count, const Body& body) {
-#ifdef __SANITIZE_THREAD__
-  // ThreadSanitizer does not see how libtbb, which is built without it, synchronises the threads.
-  body(cv::Range(0, count));
-#else
-  constexpr double kPartsPerThread = 4;
-  cv::parallel_for_({0, count}, body, kPartsPerThread * cv::getNumThreads());
-#endif
-}
-
 }  // namespace
-
-void prefetchPatch(const cv::Mat& image, const cv::Point2f& centre, int side) {
-  if (!overlaps(image, centre, side)) return;
-  const auto step = static_cast<std::ptrdiff_t>(image.step[0]);
-  const unsigned char* row =
-      image.data + (cvFloor(centre.y) - side / 2 - 1) * step + cvFloor(centre.x) - side / 2 - 1;
-  for (int y = 0; y < side + kPatchBorder; ++y, row += step) {
-    __builtin_prefetch(row);
-    __builtin_prefetch(row + side + kPatchBorder - 1);
-  }
-}
 
 ImagePyramid trackingPyramid(const cv::Mat& image, int levels) {
   ImagePyramid result;
-  constexpr int border = kPatchStride;  // a patch outside, and its own border
+  // A patch outside, and its own border; and a row, because PixelWindow reads whole chunks.
+  constexpr int border = kPatchStride, spare = 1;
   for (cv::Size size = image.size(); static_cast<int>(result.levels.size()) <= levels;
        size = {(size.width + 1) / 2, (size.height + 1) / 2}) {
     if (!result.levels.empty() && std::min(size.width, size.height) <= kTrackedSide) break;
-    cv::Mat with_border(size.height + 2 * border, size.width + 2 * border, CV_8UC1);
+    cv::Mat memory(size.height + 2 * border + spare, size.width + 2 * border, CV_8UC1);
+    cv::Mat with_border = memory.rowRange(0, memory.rows - spare);
     cv::Mat level = with_border({{border, border}, size});
     if (result.levels.empty()) {
       image.copyTo(level);
@@ -363,20 +335,11 @@ std::vector<std::optional<cv::Point2f>> trackPoints(const ImagePyramid& from,
                                                     const std::vector<cv::Point2f>& points,
                                                     const std::vector<cv::Point2f>& predicted,
                                                     const cv::Mat& allowed) {
-  const std::vector<cv::Point2f>& guesses = predicted.empty() ? points : predicted;
-  const std::size_t prefetched =
-      std::min<std::size_t>(kLevelsNearPrediction + 1, from.levels.size());
   std::vector<std::optional<cv::Point2f>> tracks(points.size());
-  parallelLoop(static_cast<int>(points.size()), [&](const cv::Range& range) {
+  const auto trackRange = [&](const cv::Range& range) {
     Search search;
-    const auto begin = static_cast<std::size_t>(range.start);
-    const auto end = static_cast<std::size_t>(range.end);
-    for (std::size_t i = begin; i < end; ++i) {
-      for (std::size_t level = 0; level < prefetched && i + 1 < end; ++level) {
-        const auto scale = static_cast<float>(1 << level);
-        prefetchPatch(from.levels[level], points[i + 1] / scale, kTrackedSide);
-        prefetchPatch(to.levels[level], guesses[i + 1] / scale, kTrackedSide);
-      }
+    for (int k = range.start; k < range.end; ++k) {
+      const auto i = static_cast<std::size_t>(k);
       const auto findFrom = [&](cv::Point2f point, int levels) {
         if (findThereAndBack(from, to, points[i], levels, allowed, &search, &point)) {
           tracks[i] = point;
@@ -386,7 +349,16 @@ std::vector<std::optional<cv::Point2f>> trackPoints(const ImagePyramid& from,
       if (!predicted.empty() && findFrom(predicted[i], kLevelsNearPrediction)) continue;
       findFrom(points[i], kPyramidLevels);
     }
-  });
+  };
+  const cv::Range all(0, static_cast<int>(points.size()));
+#ifdef __SANITIZE_THREAD__
+  // ThreadSanitizer does not see how libtbb, which is built without it, synchronises the threads.
+  trackRange(all);
+#else
+  // Left to itself, OpenCV with libtbb makes over a hundred parts, each with the memory of a
+  // search.
+  cv::parallel_for_(all, trackRange, kPartsPerThread * cv::getNumThreads());
+#endif
   return tracks;
 }
 

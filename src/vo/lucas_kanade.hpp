@@ -11,10 +11,6 @@ namespace ground_scale_vo {
 constexpr int kTrackedSide = 9;    ///< [px] side of a patch
 constexpr int kPyramidLevels = 4;  ///< above the full resolution
 
-/// Requests the pixels of a patch with its border from memory, so that reading them soon does not
-/// wait: most of the time of tracking would be this wait.
-void prefetchPatch(const cv::Mat& image, const cv::Point2f& centre, int side);
-
 /// The image, 8-bit grey, and at most `levels` smaller ones, each half the size of the one before;
 /// none smaller than a patch. Copies, with a border in memory.
 ImagePyramid trackingPyramid(const cv::Mat& image, int levels = kPyramidLevels);

@@ -22,26 +22,22 @@ struct RelocalisedPose {
   std::vector<Feature> features;  ///< those that agree with the pose, in the image
 };
 
-/// Finds the pose of an image in the map where tracking has failed: descriptor matches of the
-/// features, the pose from those with a map point, and a second search around it.
-/// features: of the last tracked image; previous: their descriptors, in the same order. next:
-/// descriptors of the corners of the image. Matches are searched around the pose that the motion
-/// model predicts, then in the whole image. Empty when too few of them agree, or when the motion
-/// deviates too much from the prediction: objects that move along with the camera, together with
-/// the distant scene, also fit a pose.
+/// Finds the pose of an image in the map where tracking has failed: by descriptor matches of the
+/// features, around the predicted pose, then in the whole image. features: of the last tracked
+/// image; previous: their descriptors, in the same order; next: of the corners of the image. Empty
+/// when too few matches agree, or when the motion deviates too much from the prediction: objects
+/// that move along with the camera, together with the distant scene, also fit a pose.
 std::optional<RelocalisedPose> locateByDescriptors(const PinholeCamera& camera, const LocalMap& map,
                                                    const MotionModel& motion,
                                                    const std::vector<Feature>& features,
                                                    const Descriptors& previous,
                                                    const Descriptors& next, std::int64_t stamp_ns);
 
-/// Finds the pose of an image in the map after an interruption in which the camera has moved and
-/// turned too far for descriptors of corners: rates the poses of a grid by the correlations of all
-/// patches at their projections, and refines the best one.
-/// features: of the last tracked image `previous`. Both images: 8-bit grey. The exposures may
-/// differ. mask: as for VisualOdometry. Takes some tenths of a second. Empty when no pose stands
-/// out, when too few patches agree with it, or when the distance deviates too much from that at the
-/// last velocity.
+/// The same where the camera has moved and turned too far for descriptors: rates the poses of a
+/// grid by the correlations of all patches at their projections, and refines the best one. Takes
+/// some tenths of a second. features: of the last tracked image `previous`. mask: as for
+/// VisualOdometry. Empty when no pose stands out, when too few patches agree with it, or when the
+/// distance deviates too much from that at the last velocity.
 std::optional<RelocalisedPose> locateBySearch(const PinholeCamera& camera, const cv::Mat& mask,
                                               const LocalMap& map, const MotionModel& motion,
                                               const std::vector<Feature>& features,

@@ -5,12 +5,22 @@
 #include "common/vector_loop.hpp"
 
 namespace ground_scale_vo {
-/// Arrays of a group, padded to whole vectors: parts of the members of Reprojections.
+namespace {
+
+/// Arrays of a group, padded to whole vectors. From kRho on, from the last cost(): rho, q_xy / q_z,
+/// 1 / q_z, e, and the squared weight times Huber's.
+constexpr std::size_t kRayX = 0, kRayY = 1, kX = 2, kY = 3, kWeight = 4, kRho = 5, kUX = 6, kUY = 7,
+                      kInverseZ = 8, kEX = 9, kEY = 10, kInformation = 11, kArrays = 12;
+
+}  // namespace
+
+/// A part of the members of Reprojections.
 struct Reprojections::Group {
   std::size_t count;
-  const double *ray_x, *ray_y, *x, *y, *weight;
-  double *rho, *u_x, *u_y, *inverse_z, *e_x, *e_y, *information;
+  double* numbers;
   const std::size_t *landmark, *row;
+
+  double* operator[](std::size_t array) const { return numbers + array * count; }
 };
 
 namespace {
@@ -23,57 +33,30 @@ GSV_VECTOR_LOOP void project(const Reprojections::Group& group, const Eigen::Iso
   Doubles sum = {};
   decltype(one < one) close = {};
   for (std::size_t i = 0; i < g.count; i += kSimdDoubles) {
-    const Doubles &ray_x = simd(g.ray_x + i), &ray_y = simd(g.ray_y + i);
-    const Doubles& rho = simd(g.rho + i);
+    const Doubles &ray_x = simd(g[kRayX] + i), &ray_y = simd(g[kRayY] + i);
+    const Doubles& rho = simd(g[kRho] + i);
     const Doubles q_x = T(0, 0) * ray_x + T(0, 1) * ray_y + T(0, 2) + rho * T(0, 3);
     const Doubles q_y = T(1, 0) * ray_x + T(1, 1) * ray_y + T(1, 2) + rho * T(1, 3);
     const Doubles q_z = T(2, 0) * ray_x + T(2, 1) * ray_y + T(2, 2) + rho * T(2, 3);
     close |= q_z < min_depth;
     const Doubles inverse_z = 1 / q_z;
-    simd(g.inverse_z + i) = inverse_z;
+    simd(g[kInverseZ] + i) = inverse_z;
     const Doubles u_x = q_x * inverse_z, u_y = q_y * inverse_z;
-    simd(g.u_x + i) = u_x;
-    simd(g.u_y + i) = u_y;
-    const Doubles e_x = u_x - simd(g.x + i), e_y = u_y - simd(g.y + i);
-    simd(g.e_x + i) = e_x;
-    simd(g.e_y + i) = e_y;
-    const Doubles squared_weight = simd(g.weight + i) * simd(g.weight + i);
+    simd(g[kUX] + i) = u_x;
+    simd(g[kUY] + i) = u_y;
+    const Doubles e_x = u_x - simd(g[kX] + i), e_y = u_y - simd(g[kY] + i);
+    simd(g[kEX] + i) = e_x;
+    simd(g[kEY] + i) = e_y;
+    const Doubles squared_weight = simd(g[kWeight] + i) * simd(g[kWeight] + i);
     const Doubles squares = squared_weight * (e_x * e_x + e_y * e_y);
     Doubles r = squares;
     takeSquareRoots(&r);
     const auto outlier = r > huber;
     sum += outlier ? huber * (2 * r - huber) : squares;
-    simd(g.information + i) = squared_weight * (outlier ? huber / r : one);
+    simd(g[kInformation] + i) = squared_weight * (outlier ? huber / r : one);
   }
   *loss = total(sum);
   *too_close = close[0] || close[1] || close[2] || close[3];
-}
-
-/// The normal equations of the inverse depths of kSimdDoubles residuals. weighted: derivative of
-/// the residuals with respect to rho, times their information.
-inline void lineariseDepth(const Reprojections::Group& in, std::size_t i, const Eigen::Matrix4d& T,
-                           Doubles weighted[2], Doubles* H_ll, Doubles* gradient) {
-  const Doubles &inverse_z = simd(in.inverse_z + i), &w = simd(in.information + i);
-  const Doubles x = inverse_z * (T(0, 3) - simd(in.u_x + i) * T(2, 3));
-  const Doubles y = inverse_z * (T(1, 3) - simd(in.u_y + i) * T(2, 3));
-  weighted[0] = w * x;
-  weighted[1] = w * y;
-  *H_ll = weighted[0] * x + weighted[1] * y;
-  *gradient = weighted[0] * simd(in.e_x + i) + weighted[1] * simd(in.e_y + i);
-}
-
-GSV_VECTOR_LOOP void sumDepths(const Reprojections::Group& group, const Eigen::Isometry3d& T_o_a,
-                               double* rows) {
-  const Reprojections::Group in = group;
-  for (std::size_t i = 0; i < in.count; i += kSimdDoubles) {
-    Doubles weighted[2], H_ll, gradient;
-    lineariseDepth(in, i, T_o_a.matrix(), weighted, &H_ll, &gradient);
-    for (std::size_t l = 0; l < kSimdDoubles; ++l) {
-      double* const to = rows + Reprojections::kRow * in.row[i + l];
-      to[6] = H_ll[l];
-      to[7] = gradient[l];
-    }
-  }
 }
 
 GSV_VECTOR_LOOP void sumBlocks(const Reprojections::Group& group, const Eigen::Isometry3d& T_o_a,
@@ -81,14 +64,20 @@ GSV_VECTOR_LOOP void sumBlocks(const Reprojections::Group& group, const Eigen::I
   const Reprojections::Group in = group;
   const Eigen::Matrix4d& T = T_o_a.matrix();
   for (std::size_t i = 0; i < in.count; i += kSimdDoubles) {
-    const Doubles &inverse_z = simd(in.inverse_z + i), &w = simd(in.information + i);
-    const ProjectionJacobian J{simd(in.u_x + i), simd(in.u_y + i), simd(in.rho + i) * inverse_z};
-    sums->add(J, w, Doubles{}, w, simd(in.e_x + i), simd(in.e_y + i));
+    const Doubles &inverse_z = simd(in[kInverseZ] + i), &w = simd(in[kInformation] + i);
+    const ProjectionJacobian J{simd(in[kUX] + i), simd(in[kUY] + i),
+                               simd(in[kRho] + i) * inverse_z};
+    sums->add(J, w, Doubles{}, w, simd(in[kEX] + i), simd(in[kEY] + i));
 
-    Doubles weighted[2], values[Reprojections::kRow];
-    lineariseDepth(in, i, T, weighted, &values[6], &values[7]);
-    J.multiplyTransposed(-weighted[0], -weighted[1], values);  // the observer moves: -J
-    const Doubles b_x = inverse_z * weighted[0], b_y = inverse_z * weighted[1];
+    // By the inverse depth, and this times the information.
+    const Doubles d_x = inverse_z * (T(0, 3) - J.ux * T(2, 3));
+    const Doubles d_y = inverse_z * (T(1, 3) - J.uy * T(2, 3));
+    const Doubles weighted_x = w * d_x, weighted_y = w * d_y;
+    Doubles values[Reprojections::kRow];
+    values[6] = weighted_x * d_x + weighted_y * d_y;
+    values[7] = weighted_x * simd(in[kEX] + i) + weighted_y * simd(in[kEY] + i);
+    J.multiplyTransposed(-weighted_x, -weighted_y, values);  // the observer moves: -J
+    const Doubles b_x = inverse_z * weighted_x, b_y = inverse_z * weighted_y;
     const Doubles b_z = -(J.ux * b_x + J.uy * b_y);
     const Doubles a_x = T(0, 0) * b_x + T(1, 0) * b_y + T(2, 0) * b_z;
     const Doubles a_y = T(0, 1) * b_x + T(1, 1) * b_y + T(2, 1) * b_z;
@@ -114,42 +103,38 @@ void Reprojections::assign(const std::vector<Residual>& residuals,
     begin_[g + 1] = begin_[g] + padded(begin_[g + 1], kSimdDoubles);
   }
   const std::size_t size = begin_.back();
-  for (auto* array : {&ray_x_, &ray_y_, &x_, &y_, &weight_, &rho_, &u_x_, &u_y_, &inverse_z_, &e_x_,
-                      &e_y_, &information_}) {
-    array->resize(size);
-  }
+  numbers_.resize(kArrays * size);
   landmark_.resize(size);
   row_.resize(size);
   // The last residual of a group also fills its last vector; the copies have no weight.
   std::vector<std::size_t> next(begin_.begin(), begin_.end() - 1);
   for (const Residual& residual : residuals) {
-    const std::size_t i = next[residual.group]++;
-    const std::size_t end = padded(i + 1, kSimdDoubles);
-    for (std::size_t k = i; k < end; ++k) {
-      landmark_[k] = residual.landmark;
-      row_[k] = k == i ? residual.row : kPaddingRow;
-      ray_x_[k] = rays[residual.landmark].x();
-      ray_y_[k] = rays[residual.landmark].y();
-      x_[k] = residual.x.x();
-      y_[k] = residual.x.y();
-      weight_[k] = k == i ? residual.weight : 0;
+    const Group g = at(residual.group);
+    const Eigen::Vector3d& ray = rays[residual.landmark];
+    const std::size_t begin = begin_[residual.group], i = next[residual.group]++ - begin;
+    for (std::size_t k = i; k < padded(i + 1, kSimdDoubles); ++k) {
+      landmark_[begin + k] = residual.landmark;
+      row_[begin + k] = k == i ? residual.row : kPaddingRow;
+      g[kRayX][k] = ray.x();
+      g[kRayY][k] = ray.y();
+      g[kX][k] = residual.x.x();
+      g[kY][k] = residual.x.y();
+      g[kWeight][k] = k == i ? residual.weight : 0;
     }
   }
 }
 
 Reprojections::Group Reprojections::at(std::size_t group) {
-  const std::size_t at = begin_[group];
-  return {begin_[group + 1] - at,   ray_x_.data() + at,     ray_y_.data() + at, x_.data() + at,
-          y_.data() + at,           weight_.data() + at,    rho_.data() + at,   u_x_.data() + at,
-          u_y_.data() + at,         inverse_z_.data() + at, e_x_.data() + at,   e_y_.data() + at,
-          information_.data() + at, landmark_.data() + at,  row_.data() + at};
+  const std::size_t begin = begin_[group];
+  return {begin_[group + 1] - begin, numbers_.data() + kArrays * begin, landmark_.data() + begin,
+          row_.data() + begin};
 }
 
 double Reprojections::cost(std::size_t group, const Eigen::Isometry3d& T_o_a,
                            const std::vector<double>& inverse_depths, double huber,
                            double min_depth) {
   const Group g = at(group);
-  for (std::size_t i = 0; i < g.count; ++i) g.rho[i] = inverse_depths[g.landmark[i]];
+  for (std::size_t i = 0; i < g.count; ++i) g[kRho][i] = inverse_depths[g.landmark[i]];
   double loss = 0;
   bool too_close = false;
   project(g, T_o_a, huber, min_depth, &loss, &too_close);
@@ -161,11 +146,6 @@ ProjectionSums Reprojections::linearise(std::size_t group, const Eigen::Isometry
   ProjectionSums sums;
   sumBlocks(at(group), T_o_a, rows, anchor_sums, &sums);
   return sums;
-}
-
-void Reprojections::lineariseDepths(std::size_t group, const Eigen::Isometry3d& T_o_a,
-                                    double* rows) {
-  sumDepths(at(group), T_o_a, rows);
 }
 
 GSV_VECTOR_LOOP void addOuterProduct(const double* rows, std::size_t count, double h,

@@ -43,17 +43,13 @@ class Reprojections {
   /// without its factor -rho.
   ProjectionSums linearise(std::size_t group, const Eigen::Isometry3d& T_o_a, double* rows,
                            double* anchor_sums);
-  /// The same when the observer's pose is fixed: only H_ll and gradient of the rows.
-  void lineariseDepths(std::size_t group, const Eigen::Isometry3d& T_o_a, double* rows);
 
  private:
   Group at(std::size_t group);
 
   std::vector<std::size_t> begin_;  // of each group, in whole vectors, and the end of the last one
   std::vector<std::size_t> landmark_, row_;
-  std::vector<double> ray_x_, ray_y_, x_, y_, weight_;
-  // From the last cost(): rho, q_xy / q_z, 1 / q_z, e, and the squared weight times Huber's.
-  std::vector<double> rho_, u_x_, u_y_, inverse_z_, e_x_, e_y_, information_;
+  std::vector<double> numbers_;
 };
 
 /// Adds rows^T rows / h to `sum`, a matrix of blocks of 6 rows and Reprojections::kRow columns, of

@@ -308,6 +308,7 @@ void calibrateLens(const std::vector<py::object>& drives, const std::vector<std:
   show(result, names);
   gsv::CameraCalibration estimate = gsv::calibrationOf(result.estimate.lens);
   estimate.estimated = true;
+  estimate.k1_sigma = result.estimate.sigmas()[3];
   estimate.readout_time = options.vo.readout_time;
   gsv::writeFile(file, gsv::cameraYaml(estimate, "Estimated by ground_scale_vo calibrate.\n" +
                                                      gsv::lensTable(result)));

@@ -28,6 +28,10 @@ constexpr double kOffCentre = 0.3;  ///< [half images]
 /// field of view is then that of a camera on a vehicle; else the images are cropped.
 constexpr double kMinFieldOfView = 30;
 
+/// Standard deviation of k1, where it is not given: of a lens that was estimated from drives, and of
+/// a published calibration.
+constexpr double kEstimatedK1Sigma = 0.003, kPublishedK1Sigma = 0.02;
+
 /// Points per side of the grid on which two rectifications are compared.
 constexpr int kComparedPoints = 5;
 constexpr double kTolerancePx = 0.1;
@@ -89,6 +93,11 @@ CameraCalibration::Pixels mapped(DistortionModel::Map* map, const CameraCalibrat
 
 }  // namespace
 
+double PinholeCamera::k1Sigma() const {
+  if (k1_sigma > 0) return k1_sigma;
+  return lens_is_estimated ? kEstimatedK1Sigma : kPublishedK1Sigma;
+}
+
 void PinholeCamera::validate() const {
   requireInRange("camera width [px]", width, 1, kMaxSide);
   requireInRange("camera height [px]", height, 1, kMaxSide);
@@ -96,11 +105,13 @@ void PinholeCamera::validate() const {
   requireInRange("camera fy [px]", fy, 1, 10 * kMaxSide);
   requireInRange("camera cx [px]", cx, -kMaxSide, kMaxSide);
   requireInRange("camera cy [px]", cy, -kMaxSide, kMaxSide);
+  requireInRange("camera k1_sigma", k1_sigma, 0, 1);
 }
 
 bool isSameCamera(const PinholeCamera& a, const PinholeCamera& b) {
   return a.width == b.width && a.height == b.height && a.fx == b.fx && a.fy == b.fy &&
-         a.cx == b.cx && a.cy == b.cy && a.lens_is_estimated == b.lens_is_estimated;
+         a.cx == b.cx && a.cy == b.cy && a.lens_is_estimated == b.lens_is_estimated &&
+         a.k1_sigma == b.k1_sigma;
 }
 
 void requireImage(const cv::Mat& image, const PinholeCamera& camera) {
@@ -174,7 +185,7 @@ std::string CameraCalibration::describe() const {
 bool operator==(const CameraCalibration& a, const CameraCalibration& b) {
   const auto values = [](const CameraCalibration& c) {
     return std::tie(c.width, c.height, c.fx, c.fy, c.cx, c.cy, c.distortion, c.estimated,
-                    c.readout_time, c.model, c.is_part, c.binning.width, c.binning.height);
+                    c.k1_sigma, c.readout_time, c.model, c.is_part, c.binning.width, c.binning.height);
   };
   return values(a) == values(b);
 }
@@ -196,11 +207,12 @@ bool isSameCalibration(const CameraCalibration& a, const CameraCalibration& b) {
 CameraCalibration withoutDistortion(const PinholeCamera& c) {
   CameraCalibration calibration{c.width, c.height, c.fx, c.fy, c.cx, c.cy};
   calibration.estimated = c.lens_is_estimated;
+  calibration.k1_sigma = c.k1_sigma;
   return calibration;
 }
 
 PinholeCamera pinholeOf(const CameraCalibration& c) {
-  return {c.width, c.height, c.fx, c.fy, c.cx, c.cy, c.estimated};
+  return {c.width, c.height, c.fx, c.fy, c.cx, c.cy, c.estimated, c.k1_sigma};
 }
 
 std::string checkCalibration(const CameraCalibration& c, const std::string& source,

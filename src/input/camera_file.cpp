@@ -116,6 +116,7 @@ CameraCalibration ofRosOrOpenCv(const CameraYaml& yaml) {
                                              "distCoeffs", "dist_coeffs", "D"})));
   camera.estimated =
       yaml.has("estimated_from_drives") && yaml.word(yaml.at({"estimated_from_drives"})) == "true";
+  if (yaml.has("k1_sigma")) camera.k1_sigma = yaml.number(yaml.at({"k1_sigma"}));
   if (yaml.has("readout_time")) camera.readout_time = yaml.number(yaml.at({"readout_time"}));
   return camera;
 }
@@ -262,6 +263,7 @@ std::string cameraYaml(const CameraCalibration& camera, const std::string& comme
          matrix("rectification_matrix", 3, 3, "1, 0, 0, 0, 1, 0, 0, 0, 1") +
          matrix("projection_matrix", 3, 4, f_c + "0, 0, " + below + "0, 0, 0, 1, 0") +
          (camera.estimated ? "estimated_from_drives: true\n" : "") +
+         (camera.k1_sigma > 0 ? format("k1_sigma: %.3g\n", camera.k1_sigma) : "") +
          (camera.readout_time > 0 ? format("readout_time: %.9g\n", camera.readout_time) : "");
 }
 

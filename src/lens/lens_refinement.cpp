@@ -31,6 +31,7 @@ std::optional<LensEstimate> LensRefinement::add(const VoFrame& frame, const Lens
         result->estimate.significance(in_use) >= kMinLensSignificance) {
       LensEstimate better = result->estimate;
       better.lens.camera.lens_is_estimated = true;
+      better.lens.camera.k1_sigma = better.sigmas()[3];
       return better;
     }
   }

@@ -117,7 +117,8 @@ PinholeCamera cameraOf(const VoFrameMsg& msg) {
                              msg.fy,
                              msg.cx,
                              msg.cy,
-                             msg.lens_is_estimated != 0};
+                             msg.lens_is_estimated != 0,
+                             msg.k1_sigma};
   try {
     camera.validate();
   } catch (const OptionError& error) {
@@ -211,6 +212,7 @@ VoFrameMsg::Ptr toMsg(const VoFrame& frame, const std_msgs::Header& header) {
   msg->cx = frame.camera.cx;
   msg->cy = frame.camera.cy;
   msg->lens_is_estimated = frame.camera.lens_is_estimated;
+  msg->k1_sigma = frame.camera.k1_sigma;
   msg->pose = tf2::toMsg(frame.T_w_c);
   Eigen::Map<RowMajorMatrix6d>(msg->pose_covariance.data()) = frame.pose_covariance;
   std::copy_n(frame.readout_motion.data(), 6, msg->readout_motion.begin());

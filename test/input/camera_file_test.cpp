@@ -32,11 +32,14 @@ TEST_F(CameraFile, ReadsWhatItWrites) {
   EXPECT_EQ(read.readout_time, 0);
   CameraCalibration estimated = kCamera;
   estimated.estimated = true;
+  estimated.k1_sigma = 0.0021;
   estimated.readout_time = 0.0213;
   std::string text = cameraYaml(estimated, "");
   text.replace(text.find("plumb_bob"), 9, "\"plumb_bob\"");
-  EXPECT_TRUE(readCameraFile(write("camera.yaml", text)).estimated);
-  EXPECT_EQ(readCameraFile(write("camera.yaml", text)).readout_time, 0.0213);
+  const CameraCalibration same = readCameraFile(write("camera.yaml", text));
+  EXPECT_TRUE(same.estimated);
+  EXPECT_EQ(same.k1_sigma, 0.0021);
+  EXPECT_EQ(same.readout_time, 0.0213);
 }
 
 TEST_F(CameraFile, RefusesWhatIsNotACamera) {

@@ -41,7 +41,7 @@ VoFrame someFrame() {
   frame.status = VoStatus::kTracking;
   frame.map_id = 3;
   frame.keyframe = true;
-  frame.camera = {1241, 376, 718.856, 718.857, 607.1928, 185.2157};
+  frame.camera = {1241, 376, 718.856, 718.857, 607.1928, 185.2157, true, 0.004};
   frame.T_w_c = test::pose({0.3, -1.2, 2}, {normal(random), normal(random), normal(random)});
   const Matrix6d root = Matrix6d::NullaryExpr([&] { return normal(random); });
   frame.pose_covariance = root * root.transpose();
@@ -81,6 +81,7 @@ TEST(VoFrameMsg, RoundTripIsExact) {
                       f.map_start.stamp_ns, f.map_start.rotation_sigma, f.features.size());
   };
   EXPECT_EQ(values(back), values(frame));
+  EXPECT_TRUE(isSameCamera(back.camera, frame.camera));
   EXPECT_EQ(back.T_w_c.translation(), frame.T_w_c.translation());
   EXPECT_LT((back.T_w_c.linear() - frame.T_w_c.linear()).norm(), 1e-15);
   EXPECT_EQ(back.pose_covariance, frame.pose_covariance);
@@ -106,6 +107,7 @@ TEST(VoFrameMsg, RefusesInvalidMessagesAndNamesFieldAndLimit) {
       {[](VoFrameMsg* m) { m->u[2] = kNanF; }, "pixel (nan, "},
       {[](VoFrameMsg* m) { m->v[2] = 2e9f; }, "2e+09), which is not finite or beyond 1e+09"},
       {[](VoFrameMsg* m) { m->fx = 0; }, "camera fx [px] is 0"},
+      {[](VoFrameMsg* m) { m->k1_sigma = -1; }, "camera k1_sigma is -1"},
       {[](VoFrameMsg* m) { m->status = 3; }, "status is 3, it must lie in [0, 2]"},
       {[](VoFrameMsg* m) { m->pose.position.x = kInfinity; }, "the position (inf, "},
       {[](VoFrameMsg* m) { m->pose.orientation = geometry_msgs::Quaternion(); },

@@ -26,6 +26,11 @@ struct PinholeCamera {
   /// only calibrated: the shape of the road is observable. Otherwise what a calibration has left of
   /// the distortion looks like a curved road.
   bool lens_is_estimated = false;
+  /// Standard deviation of the radial distortion k1 that these images may still have; 0: not known.
+  double k1_sigma = 0;
+
+  /// The same, or what is usual.
+  double k1Sigma() const;
 
   /// Throws OptionError that names the first number that is not finite or not plausible.
   void validate() const;
@@ -66,6 +71,7 @@ struct CameraCalibration {
   double fx = 0, fy = 0, cx = 0, cy = 0;  ///< [px]
   std::vector<double> distortion = {};    ///< coefficients of the model
   bool estimated = false;                 ///< from drives: PinholeCamera::lens_is_estimated
+  double k1_sigma = 0;                    ///< that of PinholeCamera
   double readout_time = 0;                ///< [s] of a rolling shutter; 0: global shutter
   bool is_part = false;    ///< of a larger image, whose principal point may lie anywhere
   cv::Size binning{1, 1};  ///< that is contained in the numbers above

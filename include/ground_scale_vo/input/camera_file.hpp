@@ -9,10 +9,9 @@ namespace ground_scale_vo {
 
 /// Reads the calibration of a camera. Formats, told apart by their keys:
 ///  - YAML of ROS' camera_calibration, also with camera_model in place of distortion_model, and
-///  with
-///    two keys of this project: estimated_from_drives (true), readout_time [s]. Rectification and
-///    projection matrix are not used: a single camera needs none, its undistorted images keep the
-///    camera matrix.
+///    with three keys of this project: estimated_from_drives (true), k1_sigma, readout_time [s].
+///    Rectification and projection matrix are not used: a single camera needs none, its undistorted
+///    images keep the camera matrix.
 ///  - Kalibr camchain (the first camera);
 ///  - OpenCV's YAML (camera_matrix and distortion_coefficients, as its calibration sample writes);
 ///  - ORB-SLAM (Camera.fx ...; Camera1.fx ...) and VINS (projection_parameters ...);

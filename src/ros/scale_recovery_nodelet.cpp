@@ -345,7 +345,7 @@ void ScaleRecoveryNodelet::record(ScaleRecovery::Output output, std::int64_t sta
                                   bool has_image) {
   last_frame_had_image_ = has_image;
   if (has_image) ++with_image_;
-  if (output.direct.height > 0) ++with_direct_;
+  if (output.direct.plane.height > 0) ++with_direct_;
   report_.stamp_ns = stamp_ns;
   if (output.scale.status == ScaleStatus::kOk) report_.measured_ns = stamp_ns;
   if (output.scale.status != ScaleStatus::kHeld ||

@@ -160,13 +160,15 @@ void drawScale(Canvas& canvas, const ScaleRecovery::Output& output) {
     first +=
         cv::format(": %.4g m per VO unit +- %.1f %%", scale.scale, 100 * scale.sigma / scale.scale);
   }
-  const auto percent = [](const ScaleRecovery::Measurement& measured) {
-    return measured.height > 0 ? cv::format("%.1f %%", 100 * measured.sigma / measured.height)
-                               : std::string("none");
+  const auto percent = [](const PlaneMeasurement& measured) {
+    return measured.plane.height > 0
+               ? cv::format("%.1f %%", 100 * measured.sigma / measured.plane.height)
+               : std::string("none");
   };
   std::string second = "this frame: features " + percent(output.feature_based) + ", direct " +
                        percent(output.direct);
-  if (output.correlation > 0) second += cv::format(", correlation %.2f", output.correlation);
+  const double correlation = output.direct.correlation;
+  if (correlation > 0) second += cv::format(", correlation %.2f", correlation);
   canvas.startTexts();
   canvas.writeInRow(0, 8, first);
   canvas.writeInRow(1, 8, second);

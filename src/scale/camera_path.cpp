@@ -1,7 +1,6 @@
 #include "scale/camera_path.hpp"
 
 #include <limits>
-#include <utility>
 
 namespace ground_scale_vo {
 namespace {
@@ -25,16 +24,16 @@ CameraPath::Pose& CameraPath::add(const StampedPose& pose) {
   return added;
 }
 
-void CameraPath::keepRoad(RoadImage road, double min_spacing) {
+void CameraPath::keepRoad(const RoadImage& road) {
   for (Pose& pose : poses_) {
     if (pose.road.setting != road.setting) pose.road = {};
   }
-  poses_.back().road = std::move(road);
+  poses_.back().road = road;
   std::vector<Pose*> kept;  // newest first
   for (auto pose = poses_.rbegin(); pose != poses_.rend(); ++pose) {
     if (!pose->road.roi.empty()) kept.push_back(&*pose);
   }
-  if (kept.size() > 2 && distanceBetween(*kept[1], *kept[2]) < min_spacing) kept[1]->road = {};
+  if (kept.size() > 2 && distanceBetween(*kept[1], *kept[2]) < road.min_spacing) kept[1]->road = {};
   for (std::size_t i = kMaxImages; i < kept.size(); ++i) kept[i]->road = {};
 }
 

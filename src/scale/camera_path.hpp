@@ -28,6 +28,7 @@ struct RoadImage {
   cv::Rect roi;    ///< part of the image that is stored [px]; empty: none
   cv::Mat pixels;  ///< CV_32F, of the roi's size; without gaps, which would cost cache misses
   Vector6d readout_motion = Vector6d::Zero();  ///< see VoFrame
+  double min_spacing = 0;                      ///< from an image that is kept beside it [VO units]
   int setting = 0;  ///< images of another camera or mask, with another number, are not comparable
 };
 
@@ -48,8 +49,8 @@ class CameraPath {
   Pose& add(const StampedPose& pose);
   /// Keeps the image for the newest pose, and releases the images that no later frame needs as a
   /// reference: those of another setting, the oldest, and of the two before the newest the later
-  /// one when they are closer than min_spacing [VO units].
-  void keepRoad(RoadImage road, double min_spacing);
+  /// one when they are closer than road.min_spacing.
+  void keepRoad(const RoadImage& road);
 
   bool empty() const { return poses_.empty(); }
   /// The newest kMaxPoses, in the order of the drive.

@@ -147,9 +147,8 @@ Eigen::Vector3d DirectPlaneEstimator::roadCentre(const GroundPlane& plane) const
 
 /// Robust Gauss-Newton estimate of the plane m = n / h from the epipolar shifts of all patches in
 /// all reference images. The status of the result is kMeasured or kNoPlane.
-DirectPlaneEstimator::Result DirectPlaneEstimator::solve(const RoadPrior& prior,
-                                                         const GroundPlane& initial) {
-  Result result;
+PlaneMeasurement DirectPlaneEstimator::solve(const RoadPrior& prior, const GroundPlane& initial) {
+  PlaneMeasurement result;
   const double initial_height = initial.height;
   Eigen::Vector3d m = initial.n_c / initial_height;
   matches_.resize(patches_.size() * kReferences);
@@ -215,9 +214,10 @@ double DirectPlaneEstimator::meanCorrelation(const Eigen::Vector3d& m) const {
 }
 
 /// Matches all patches under the plane m. False when too few are valid.
-bool DirectPlaneEstimator::matchPatches(const Eigen::Vector3d& m, bool linearise, Result* result) {
+bool DirectPlaneEstimator::matchPatches(const Eigen::Vector3d& m, bool linearise,
+                                        PlaneMeasurement* result) {
   double correlation = 0, weights = 0;
-  result->patches = 0;
+  result->support = 0;
   normalised_shifts_.clear();
   for (std::size_t i = 0; i < patches_.size(); ++i) {
     for (std::size_t k = 0; k < references_.size(); ++k) {
@@ -225,13 +225,13 @@ bool DirectPlaneEstimator::matchPatches(const Eigen::Vector3d& m, bool linearise
       if (linearise) matcher_->linearise(references_[k], patches_[i], m, &match);
       matcher_->measure(references_[k], patches_[i], m, &match);
       if (!match.valid) continue;
-      ++result->patches;
+      ++result->support;
       correlation += patches_[i].texture * match.correlation;
       weights += patches_[i].texture;
       normalised_shifts_.push_back(std::abs(match.shift) / std::sqrt(shiftVariance(match, m)));
     }
   }
-  if (result->patches < kMinPatches || !(weights > 0)) return false;
+  if (result->support < kMinPatches || !(weights > 0)) return false;
   result->correlation = correlation / weights;
   return true;
 }
@@ -304,58 +304,53 @@ void DirectPlaneEstimator::addPriors(const RoadPrior& prior, const Eigen::Vector
 /// Fills in the plane and its standard deviation, and decides whether it is accepted. covariance:
 /// of m.
 void DirectPlaneEstimator::accept(const Eigen::Vector3d& m, const Eigen::Matrix3d& covariance,
-                                  double initial_height, Result* result) const {
-  const double height = (1 + m.dot(origin_c_)) / m.norm();
-  if (!(height > 0)) return;
-  result->plane = {m.normalized(), height};
+                                  double initial_height, PlaneMeasurement* result) const {
+  const GroundPlane plane{m.normalized(), (1 + m.dot(origin_c_)) / m.norm()};
+  if (!(plane.height > 0)) return;
   // Of ln height by m.
   const Eigen::Vector3d gradient = origin_c_ / (1 + m.dot(origin_c_)) - m / m.squaredNorm();
   const double relative_sigma = std::sqrt(gradient.dot(covariance * gradient));
   const double inflation = std::max(1.0, (1 - result->correlation) / (1 - kRoadCorrelation));
-  result->height_sigma = inflation * relative_sigma * height;
-  const double change = std::abs(std::log(height / initial_height));
+  const double change = std::abs(std::log(plane.height / initial_height));
   if (result->correlation >= options_.min_correlation && change <= std::log(kMaxHeightChange) &&
       relative_sigma <= kMaxHeightSigma) {
     result->status = MeasurementStatus::kMeasured;
-    result->road_distance = (roadCentre(result->plane) - origin_c_).norm();
+    result->plane = plane;
+    result->sigma = inflation * relative_sigma * plane.height;
+    result->road_distance = (roadCentre(plane) - origin_c_).norm();
   }
 }
 
-DirectPlaneEstimator::Result DirectPlaneEstimator::estimate(const VoFrame& frame,
-                                                            const cv::Mat& image, double height,
-                                                            const CameraPath& path,
-                                                            const cv::Mat& mask) {
+PlaneMeasurement DirectPlaneEstimator::estimate(const VoFrame& frame, const cv::Mat& image,
+                                                double height, const CameraPath& path,
+                                                const cv::Mat& mask, RoadImage* road) {
   setCamera(frame.camera, mask);
   const CameraPath::Pose& current = path.newest();
   const RoadPrior& prior = current.prior;
   const LaneRegion lane = laneRegion(prior, height);
   const bool faces_backwards = prior.forward_c.z() < -kMinBackwards;
-  RoadImage road;
-  road.setting = setting_;
-  matcher_->extract(image, lane, faces_backwards, &road, &patches_);
-  road.readout_motion = frame.readout_motion;
-
-  Result result;
+  *road = {};
+  road->setting = setting_;
+  PlaneMeasurement result;
   result.status = MeasurementStatus::kStandstill;
-  result.road.setting = setting_;
   const double initial = height > 0 ? height : medianFeatureHeight(frame, lane, prior);
   if (!(initial > 0)) return result;
+  matcher_->extract(image, lane, faces_backwards, road, &patches_);
+  road->readout_motion = frame.readout_motion;
   const double baseline = options_.baseline_heights * initial;
-  references_ = selectReferences(path, road, baseline);
-  if (!references_.empty()) {
-    origin_c_.setZero();
-    if (!patches_.empty()) {
-      const Eigen::Vector3d centre_w = current.T_w_c * roadCentre({prior.n_c, initial});
-      const double max_length = options_.max_ahead_heights * initial;
-      origin_c_ = current.T_w_c.inverse() * path.nearest(centre_w, max_length).T_w_c.translation();
-    }
-    result = solve(prior, {prior.n_c, initial});
-    if (result.status != MeasurementStatus::kMeasured && !(height > 0)) {
-      result = solve(prior, search(prior, initial));
-    }
+  road->min_spacing = kMinImageSpacing * baseline;
+  references_ = selectReferences(path, *road, baseline);
+  if (references_.empty()) return result;
+  origin_c_.setZero();
+  if (!patches_.empty()) {
+    const Eigen::Vector3d centre_w = current.T_w_c * roadCentre({prior.n_c, initial});
+    const double max_length = options_.max_ahead_heights * initial;
+    origin_c_ = current.T_w_c.inverse() * path.nearest(centre_w, max_length).T_w_c.translation();
   }
-  result.road = std::move(road);
-  result.image_spacing = kMinImageSpacing * baseline;
+  result = solve(prior, {prior.n_c, initial});
+  if (result.status != MeasurementStatus::kMeasured && !(height > 0)) {
+    result = solve(prior, search(prior, initial));
+  }
   return result;
 }
 

@@ -23,29 +23,16 @@ class DirectPlaneEstimator {
  public:
   using Options = DirectPlaneEstimatorOptions;
 
-  struct Result {
-    /// kMeasured: plane, height_sigma, road_distance and correlation are valid. Otherwise
-    /// kStandstill (no reference image at a sufficient distance, or neither a height nor a feature
-    /// in the lane) or kNoPlane.
-    MeasurementStatus status = MeasurementStatus::kNoPlane;
-    /// In the axes of this frame's camera. Its height belongs to the pose of the path that is
-    /// nearest to the lane region, VO units.
-    GroundPlane plane;
-    double height_sigma = 0;   ///< standard deviation of plane.height [VO units]
-    double road_distance = 0;  ///< of the patches' centre from that pose [VO units]
-    double correlation = 0;    ///< mean over the matched patches, weighted by texture; -1 to 1
-    int patches = 0;           ///< matched patches, counted once for each reference image
-    RoadImage road;            ///< of this frame, for CameraPath::keepRoad()
-    double image_spacing = 0;  ///< between kept images [VO units]
-  };
-
   explicit DirectPlaneEstimator(const Options& options) : options_(options) {}
 
   /// frame: tracking. image: rectified, 8-bit grey, of the camera's size. height: predicted [VO
   /// units]; 0: not known, the median of the features in the lane replaces it. path: its newest
-  /// pose is the one of the frame. mask: as for ScaleRecovery::process().
-  Result estimate(const VoFrame& frame, const cv::Mat& image, double height, const CameraPath& path,
-                  const cv::Mat& mask = {});
+  /// pose is the one of the frame. mask: as for ScaleRecovery::process(). road: of this frame, for
+  /// CameraPath::keepRoad(). The height of the result belongs to the pose of the path that is
+  /// nearest to the lane region. Status: kMeasured, kNoPlane, or kStandstill (no reference image at
+  /// a sufficient distance, or neither a height nor a feature in the lane).
+  PlaneMeasurement estimate(const VoFrame& frame, const cv::Mat& image, double height,
+                            const CameraPath& path, const cv::Mat& mask, RoadImage* road);
 
  private:
   /// Unknowns of both reference images: m (3), the curvature of the road along the path, across it
@@ -58,10 +45,10 @@ class DirectPlaneEstimator {
   void setCamera(const PinholeCamera& camera, const cv::Mat& mask);
   LaneRegion laneRegion(const RoadPrior& prior, double height) const;
   Eigen::Vector3d roadCentre(const GroundPlane& plane) const;
-  Result solve(const RoadPrior& prior, const GroundPlane& initial);
+  PlaneMeasurement solve(const RoadPrior& prior, const GroundPlane& initial);
   GroundPlane search(const RoadPrior& prior, double centre) const;
   double meanCorrelation(const Eigen::Vector3d& m) const;
-  bool matchPatches(const Eigen::Vector3d& m, bool linearise, Result* result);
+  bool matchPatches(const Eigen::Vector3d& m, bool linearise, PlaneMeasurement* result);
   double shiftVariance(const direct::Match& match, const Eigen::Vector3d& m) const;
   JointEquations accumulate(const RoadPrior& prior, const Eigen::Vector3d& m, double height,
                             double robust_scale) const;
@@ -69,7 +56,7 @@ class DirectPlaneEstimator {
   void addPriors(const RoadPrior& prior, const Eigen::Vector3d& m, double height,
                  PlaneEquations* equations) const;
   void accept(const Eigen::Vector3d& m, const Eigen::Matrix3d& covariance, double initial_height,
-              Result* result) const;
+              PlaneMeasurement* result) const;
 
   Options options_;
   PinholeCamera camera_;  ///< of the images

@@ -173,9 +173,9 @@ double meanLateral(const std::vector<GroundPoint>& points, const std::vector<Res
   return sum / weights;
 }
 
-PlaneFit fitInverseDepth(const std::vector<GroundPoint>& points, const RoadPrior& prior,
-                         double height_hint, double camber_sigma) {
-  PlaneFit result;
+PlaneMeasurement fitInverseDepth(const std::vector<GroundPoint>& points, const RoadPrior& prior,
+                                 double height_hint, double camber_sigma) {
+  PlaneMeasurement result;
   const std::optional<GroundPlane> start = segmentPlane(points, prior, height_hint);
   if (!start) return result;
 
@@ -199,16 +199,15 @@ PlaneFit fitInverseDepth(const std::vector<GroundPoint>& points, const RoadPrior
     last_inliers = inliers;
   }
 
-  GroundPlane& plane = result.plane;
-  plane.height = 1 / m.norm();
-  plane.n_c = m * plane.height;
+  const double height = 1 / m.norm();
+  const GroundPlane plane{m * height, height};  // least squares
   const double tilt = std::hypot(plane.n_c.dot(prior.forward_c) / prior.pitchTolerance(kMaxTilt),
                                  plane.n_c.dot(prior.lateral()) / prior.rollTolerance(kMaxTilt));
   if (tilt > 1) {
     result.status = MeasurementStatus::kPlaneTilted;
     return result;
   }
-  result.median_height = medianHeight(points, residuals, inliers, plane.n_c);
+  const double median_height = medianHeight(points, residuals, inliers, plane.n_c);
   const Eigen::Matrix3d covariance = equations.H.inverse();
   const double fit_sigma =
       plane.height * plane.height * std::sqrt(std::max(0.0, plane.n_c.dot(covariance * plane.n_c)));
@@ -216,21 +215,19 @@ PlaneFit fitInverseDepth(const std::vector<GroundPoint>& points, const RoadPrior
   // whether the points suffice, it counts from the middle of the region that they were taken from.
   const double left = meanLateral(points, residuals, inliers, prior.lateral());
   const double left_in_region = left - prior.region_offset * plane.height;
-  result.height_sigma = std::hypot(fit_sigma, camber_sigma * left);
+  result.sigma = std::hypot(fit_sigma, camber_sigma * left);
   const bool is_certain =
       std::hypot(fit_sigma, camber_sigma * left_in_region) <= kMaxSigma * plane.height;
-  if (!is_certain || !areFinite(plane.n_c, plane.height, result.median_height)) {
-    result.status = MeasurementStatus::kNoPlane;
-    return result;
-  }
-  result.inliers = std::move(inliers);
+  if (!is_certain || !areFinite(plane.n_c, plane.height, median_height)) return result;
+  result.plane = {plane.n_c, median_height};
+  result.support = static_cast<int>(inliers.size());
   result.status = MeasurementStatus::kMeasured;
   return result;
 }
 
 /// max_distance: of an inlier [VO units].
-PlaneFit fitHomogeneous(const std::vector<GroundPoint>& points, double max_distance) {
-  PlaneFit result;
+PlaneMeasurement fitHomogeneous(const std::vector<GroundPoint>& points, double max_distance) {
+  PlaneMeasurement result;
   std::vector<std::uint32_t> kept(points.size());
   std::iota(kept.begin(), kept.end(), 0u);
   GroundPlane plane;
@@ -268,21 +265,20 @@ PlaneFit fitHomogeneous(const std::vector<GroundPoint>& points, double max_dista
   std::vector<double> heights;  // Eq. 9
   heights.reserve(kept.size());
   for (const std::uint32_t i : kept) heights.push_back(-plane.n_c.dot(points[i].p_c));
-  result.plane = plane;
-  result.median_height = median(std::move(heights));
-  result.height_sigma = std::sqrt(squares / static_cast<double>(kept.size()));
-  if (!areFinite(plane.n_c, plane.height, result.height_sigma)) return result;
-  result.inliers = std::move(kept);
+  result.sigma = std::sqrt(squares / static_cast<double>(kept.size()));
+  if (!areFinite(plane.n_c, plane.height, result.sigma)) return result;
+  result.plane = {plane.n_c, median(std::move(heights))};
+  result.support = static_cast<int>(kept.size());
   result.status = MeasurementStatus::kMeasured;
   return result;
 }
 
 }  // namespace
 
-PlaneFit fitPlane(const std::vector<GroundPoint>& points, const RoadPrior& prior,
-                  double height_hint, const PlaneFitOptions& options) {
+PlaneMeasurement fitPlane(const std::vector<GroundPoint>& points, const RoadPrior& prior,
+                          double height_hint, const PlaneFitOptions& options) {
   if (points.size() < kMinPoints) {
-    PlaneFit result;
+    PlaneMeasurement result;
     result.status = MeasurementStatus::kTooFewGroundPoints;
     return result;
   }

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <cstdint>
 #include <optional>
 #include <vector>
 
@@ -23,19 +22,14 @@ namespace ground_scale_vo {
 ///     e_i = 1/z_i + (m . r_i) / (1 + m . o_i),   m = n / h,  p_i = o_i + z_i r_i.
 /// The three unknowns m do not depend on the origin of a world frame. The weight (Eq. 8) is
 /// 1 / (sigma_i^2 + (roughness / z_predicted)^2).
-struct PlaneFit {
-  /// kMeasured: all below is valid. Otherwise kTooFewGroundPoints, kNoPlane or kPlaneTilted.
-  MeasurementStatus status = MeasurementStatus::kNoPlane;
-  GroundPlane plane;                   ///< least squares
-  double median_height = 0;            ///< median of Eq. 9 over the inliers [VO units]
-  double height_sigma = 0;             ///< of either height, from residuals and camber [VO units]
-  std::vector<std::uint32_t> inliers;  ///< the reserved points p* of Eq. 9, ascending indices
-};
-
+///
 /// points: in the camera frame of prior. height_hint: approximate camera height [VO units], > 0; it
-/// only converts the distance thresholds from camera heights.
-PlaneFit fitPlane(const std::vector<GroundPoint>& points, const RoadPrior& prior,
-                  double height_hint, const PlaneFitOptions& options = {});
+/// only converts the distance thresholds from camera heights. The plane of the result is in the
+/// axes of that camera frame, its height the median of Eq. 9 over the inliers, its sigma from
+/// residuals and camber; the distance of the road is not set. Status: kMeasured,
+/// kTooFewGroundPoints, kNoPlane or kPlaneTilted.
+PlaneMeasurement fitPlane(const std::vector<GroundPoint>& points, const RoadPrior& prior,
+                          double height_hint, const PlaneFitOptions& options = {});
 
 /// The first plane of the fit: (a, b, c, d), a x + b y + c z + d = 0, through points in camera
 /// heights, by pcl::SACSegmentation with RANSAC. Its normal (a, b, c), of unit length and either

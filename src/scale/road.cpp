@@ -136,41 +136,41 @@ double visibleRegionOffset(const PinholeCamera& camera, const RoadPrior& prior) 
 }
 
 Mounting::Mounting(const Options& options) : options_(options) {
-  mean_.covariance.diagonal() << std::pow(kInitialRollSigma, 2), 0,
+  covariance_.diagonal() << std::pow(kInitialRollSigma, 2), 0,
       std::pow(options_.initial_pitch_sigma, 2);
 }
 
 double Mounting::sigma() const {
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(mean_.covariance,
-                                                              Eigen::EigenvaluesOnly);
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(covariance_, Eigen::EigenvaluesOnly);
   return std::sqrt(std::max(0.0, solver.eigenvalues().maxCoeff()));
 }
 
 /// Keeps the covariance in the tangent plane of the new normal.
-void Mounting::Normal::set(const Eigen::Vector3d& n) {
-  n_c = n.normalized();
-  const Eigen::Matrix3d tangent = Eigen::Matrix3d::Identity() - n_c * n_c.transpose();
-  covariance = tangent * covariance * tangent;
+void Mounting::setNormal(const Eigen::Vector3d& n_c) {
+  n_c_ = n_c.normalized();
+  const Eigen::Matrix3d tangent = Eigen::Matrix3d::Identity() - n_c_ * n_c_.transpose();
+  covariance_ = tangent * covariance_ * tangent;
 }
 
-void Mounting::Normal::update(const Eigen::Vector3d& axis, double tangent,
-                              double measurement_variance) {
-  const Eigen::Vector3d gain = covariance * axis / (variance(axis) + measurement_variance);
-  covariance -= gain * (axis.transpose() * covariance).eval();
-  set(n_c + gain * tangent);
+/// Kalman update with a measured tilt towards axis (unit, orthogonal to n_c_), given as its
+/// tangent.
+void Mounting::correct(const Eigen::Vector3d& axis, double tangent, double measurement_variance) {
+  const Eigen::Vector3d gain = covariance_ * axis / (variance(axis) + measurement_variance);
+  covariance_ -= gain * (axis.transpose() * covariance_).eval();
+  setNormal(n_c_ + gain * tangent);
 }
 
 RoadPrior Mounting::prior(const CameraPath& path, double height) const {
   RoadPrior prior;
   prior.chord = path.chord(options_.chord_length_heights * height);
-  const bool has_direction = givesDirection(prior, mean_.n_c);
+  const bool has_direction = givesDirection(prior, n_c_);
   const Eigen::Vector3d ahead = has_direction ? prior.chord->direction_c : Eigen::Vector3d::UnitZ();
 
-  Normal normal = mean_;
-  Eigen::Matrix3d R_c_road = roadAxes(normal.n_c, ahead);  // columns: ahead, left, up
-  normal.covariance +=
+  Mounting predicted = *this;
+  Eigen::Matrix3d R_c_road = roadAxes(predicted.n_c_, ahead);  // columns: ahead, left, up
+  predicted.covariance_ +=
       std::pow(options_.pitch_motion_sigma, 2) * R_c_road.col(0) * R_c_road.col(0).transpose();
-  normal.covariance +=
+  predicted.covariance_ +=
       kRollMotionSigma * kRollMotionSigma * R_c_road.col(1) * R_c_road.col(1).transpose();
   if (has_direction) {
     // Eq. 3 of Tian et al.: the road normal n is orthogonal to the direction of motion t, here that
@@ -179,14 +179,14 @@ RoadPrior Mounting::prior(const CameraPath& path, double height) const {
     const double chord_sigma = height > 0
                                    ? options_.heave_sigma_heights * height / prior.chord->length
                                    : options_.pitch_motion_sigma;
-    normal.update(R_c_road.col(0), -normal.n_c.dot(ahead) / R_c_road.col(0).dot(ahead),
-                  chord_sigma * chord_sigma);
-    R_c_road = roadAxes(normal.n_c, ahead);
+    predicted.correct(R_c_road.col(0), -predicted.n_c_.dot(ahead) / R_c_road.col(0).dot(ahead),
+                      chord_sigma * chord_sigma);
+    R_c_road = roadAxes(predicted.n_c_, ahead);
   }
-  prior.n_c = normal.n_c;
+  prior.n_c = predicted.n_c_;
   prior.forward_c = R_c_road.col(0);
-  prior.pitch_sigma = std::sqrt(normal.variance(prior.forward_c));
-  prior.roll_sigma = std::sqrt(normal.variance(prior.lateral()));
+  prior.pitch_sigma = std::sqrt(predicted.variance(prior.forward_c));
+  prior.roll_sigma = std::sqrt(predicted.variance(prior.lateral()));
   return prior;
 }
 
@@ -197,31 +197,30 @@ void Mounting::addSample(const Eigen::Vector3d& axis, double tangent, double sam
       options_.chord_length_heights * sample_sigma * sample_sigma;  // for one camera height
   if (!(step_heights > 0) || !areFinite(step_heights, tangent)) return;
   // Lower bound of the variance: the mean forgets samples older than the forgetting distance.
-  const double shortfall = variance_heights / kForgettingDistance - mean_.variance(axis);
-  if (shortfall > 0) mean_.covariance += shortfall * axis * axis.transpose();
-  mean_.update(axis, tangent, variance_heights / step_heights);
+  const double shortfall = variance_heights / kForgettingDistance - variance(axis);
+  if (shortfall > 0) covariance_ += shortfall * axis * axis.transpose();
+  correct(axis, tangent, variance_heights / step_heights);
   limitTilt();
 }
 
 void Mounting::limitTilt() {
   const double limit = options_.max_tilt_rad;
   if (std::abs(pitch()) <= limit && std::abs(roll()) <= limit) return;
-  mean_.set(roadNormal(std::clamp(pitch(), -limit, limit), std::clamp(roll(), -limit, limit)));
+  setNormal(roadNormal(std::clamp(pitch(), -limit, limit), std::clamp(roll(), -limit, limit)));
 }
 
 void Mounting::update(const RoadPrior& prior, const GroundPlane* plane, double step,
                       double height) {
-  const bool has_direction = givesDirection(prior, mean_.n_c);
+  const bool has_direction = givesDirection(prior, n_c_);
   const Eigen::Vector3d ahead = has_direction ? prior.chord->direction_c : Eigen::Vector3d::UnitZ();
   if (plane != nullptr) {
-    const Eigen::Vector3d left = roadAxes(mean_.n_c, ahead).col(1);
-    addSample(left, plane->n_c.dot(left) / plane->n_c.dot(mean_.n_c), kRollMotionSigma,
-              step / height);
+    const Eigen::Vector3d left = roadAxes(n_c_, ahead).col(1);
+    addSample(left, plane->n_c.dot(left) / plane->n_c.dot(n_c_), kRollMotionSigma, step / height);
   }
   if (has_direction) {
-    const Eigen::Vector3d along = roadAxes(mean_.n_c, ahead).col(0);
+    const Eigen::Vector3d along = roadAxes(n_c_, ahead).col(0);
     const double chord_sigma = options_.heave_sigma_heights * height / prior.chord->length;
-    addSample(along, -mean_.n_c.dot(ahead) / along.dot(ahead),
+    addSample(along, -n_c_.dot(ahead) / along.dot(ahead),
               std::hypot(options_.pitch_motion_sigma, chord_sigma), step / height);
   }
 }

@@ -107,9 +107,9 @@ class Mounting {
 
   explicit Mounting(const Options& options);
 
-  double pitch() const { return pitchOf(mean_.n_c); }  ///< [rad], positive: the camera looks down
+  double pitch() const { return pitchOf(n_c_); }  ///< [rad], positive: the camera looks down
   /// [rad], positive: the camera's x axis points down
-  double roll() const { return rollOf(mean_.n_c); }
+  double roll() const { return rollOf(n_c_); }
   /// Standard deviation of the normal in the direction in which it is known least [rad].
   double sigma() const;
 
@@ -123,24 +123,18 @@ class Mounting {
   void update(const RoadPrior& prior, const GroundPlane* plane, double step, double height);
 
  private:
-  /// Gaussian on the unit sphere.
-  struct Normal {
-    Eigen::Vector3d n_c = Eigen::Vector3d(0, -1, 0);  ///< unit
-    /// Of rotations of n_c, in its tangent plane: rank 2, covariance * n_c = 0 [rad^2].
-    Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
-
-    double variance(const Eigen::Vector3d& axis) const { return axis.dot(covariance * axis); }
-    /// Kalman update with a measured tilt towards axis (unit, orthogonal to n_c), given as its
-    /// tangent.
-    void update(const Eigen::Vector3d& axis, double tangent, double measurement_variance);
-    void set(const Eigen::Vector3d& n_c);
-  };
+  double variance(const Eigen::Vector3d& axis) const { return axis.dot(covariance_ * axis); }
+  void correct(const Eigen::Vector3d& axis, double tangent, double measurement_variance);
+  void setNormal(const Eigen::Vector3d& n_c);
   void addSample(const Eigen::Vector3d& axis, double tangent, double sample_sigma,
                  double step_heights);
   void limitTilt();
 
   Options options_;
-  Normal mean_;
+  // Gaussian on the unit sphere.
+  Eigen::Vector3d n_c_ = Eigen::Vector3d(0, -1, 0);  ///< unit
+  /// Of rotations of n_c_, in its tangent plane: rank 2, covariance_ * n_c_ = 0 [rad^2].
+  Eigen::Matrix3d covariance_ = Eigen::Matrix3d::Zero();
 };
 
 /// A YAML file with the parameter camera_height [m]; error95: half width of its 95 % interval.

@@ -174,10 +174,10 @@ bool ScaleRecovery::Impl::updateFilter(Output* output) {
   for (const auto& [source, m] :
        {std::pair(ScaleFilter::Source::kFeatureBased, output->feature_based),
         std::pair(ScaleFilter::Source::kDirect, output->direct)}) {
-    if (!(m.height > 0)) continue;
+    if (!(m.plane.height > 0)) continue;
     const bool accepted =
-        filter.update(m.height, m.sigma, m.road_distance, source, m.is_beside_lane);
-    if (accepted || !any_accepted) output->plane = {m.n_c, m.height};
+        filter.update(m.plane.height, m.sigma, m.road_distance, source, m.is_beside_lane);
+    if (accepted || !any_accepted) output->plane = m.plane;
     any_accepted = any_accepted || accepted;
   }
   return any_accepted;
@@ -221,35 +221,34 @@ MeasurementStatus ScaleRecovery::Impl::measureFeatureBased(const VoFrame& frame,
       map.path.nearest(current->T_w_c * centre_c, options.gpe.max_ahead_heights * map.rough_height);
   const std::vector<GroundPoint> window =
       aggregateGroundPoints(map.path, above.T_w_c, map.rough_height, options.gpa);
-  const PlaneFit fit = fitPlane(window, above.prior, map.rough_height, options.gpa.fit);
+  PlaneMeasurement fit = fitPlane(window, above.prior, map.rough_height, options.gpa.fit);
   const Eigen::Isometry3d T_c_above = current->T_w_c.inverse() * above.T_w_c;
   scale.window_points = static_cast<int>(window.size());
   for (const GroundPoint& point : window) {
     output->ground_points_c.push_back((T_c_above * point.p_c).cast<float>());
   }
   if (fit.status == MeasurementStatus::kMeasured) {
-    scale.plane_inliers = static_cast<int>(fit.inliers.size());
-    output->feature_based = {fit.median_height, fit.height_sigma,
-                             (centre_c - T_c_above.translation()).norm(),
-                             T_c_above.linear() * fit.plane.n_c, ground.are_beside_lane};
+    scale.plane_inliers = fit.support;
+    fit.plane.n_c = T_c_above.linear() * fit.plane.n_c;
+    fit.road_distance = (centre_c - T_c_above.translation()).norm();
+    fit.is_beside_lane = ground.are_beside_lane;
+    output->feature_based = fit;
   }
   output->times.gpa = watch.lapMs();
   return fit.status;
 }
 
-/// On success sets output->direct and output->correlation.
+/// On success sets output->direct.
 void ScaleRecovery::Impl::measureDirect(const VoFrame& frame, const cv::Mat& image,
                                         const cv::Mat& mask, Output* output) {
   if (!options.refine || image.empty()) return;
   const Stopwatch watch;
-  DirectPlaneEstimator::Result result =
-      direct.estimate(frame, image, filter.height(), map.path, mask);
-  map.path.keepRoad(std::move(result.road), result.image_spacing);
+  RoadImage road;
+  const PlaneMeasurement measured =
+      direct.estimate(frame, image, filter.height(), map.path, mask, &road);
+  map.path.keepRoad(road);
   output->times.direct = watch.ms();
-  if (result.status != MeasurementStatus::kMeasured) return;
-  output->direct = {result.plane.height, result.height_sigma, result.road_distance,
-                    result.plane.n_c};
-  output->correlation = result.correlation;
+  if (measured.status == MeasurementStatus::kMeasured) output->direct = measured;
 }
 
 /// Status and filtered values. scale->measurement is set already.

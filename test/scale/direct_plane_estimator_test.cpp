@@ -41,12 +41,13 @@ class Drive {
   explicit Drive(const DirectPlaneEstimator::Options& options = {}) : estimator_(options) {}
 
   /// predicted: height [VO units]; 0: none.
-  DirectPlaneEstimator::Result next(const VoFrame& frame, const cv::Mat& image,
-                                    const RoadPrior& prior, double predicted,
-                                    const cv::Mat& mask = {}) {
+  PlaneMeasurement next(const VoFrame& frame, const cv::Mat& image, const RoadPrior& prior,
+                        double predicted, const cv::Mat& mask = {}) {
     path_.add({frame.stamp_ns, frame.T_w_c}).prior = prior;
-    auto result = estimator_.estimate(frame, image, predicted, path_, mask);
-    path_.keepRoad(result.road, result.image_spacing);
+    RoadImage road;
+    const PlaneMeasurement result =
+        estimator_.estimate(frame, image, predicted, path_, mask, &road);
+    path_.keepRoad(road);
     return result;
   }
 
@@ -57,12 +58,12 @@ class Drive {
 
 /// Result of the last of `frames` frames, each with the same predicted height [VO units] (0: none).
 /// texture: as in roadImage().
-DirectPlaneEstimator::Result drive(const RoadScene& scene, double predicted,
-                                   std::uint32_t frames = 4, const Change& change = nullptr,
-                                   const std::function<double(double, double)>& texture = asphalt,
-                                   const DirectPlaneEstimator::Options& options = {}) {
+PlaneMeasurement drive(const RoadScene& scene, double predicted, std::uint32_t frames = 4,
+                       const Change& change = nullptr,
+                       const std::function<double(double, double)>& texture = asphalt,
+                       const DirectPlaneEstimator::Options& options = {}) {
   Drive estimator(options);
-  DirectPlaneEstimator::Result result;
+  PlaneMeasurement result;
   RoadPrior prior = priorOf(scene, kPriorSigma);
   prior.chord = Chord{prior.forward_c, scene.step};
   for (std::uint32_t i = 0; i < frames; ++i) {
@@ -74,12 +75,11 @@ DirectPlaneEstimator::Result drive(const RoadScene& scene, double predicted,
 }
 
 /// Result of the last of the images, which show frame 0, 1 ... of the scene.
-DirectPlaneEstimator::Result estimateWith(const DirectPlaneEstimator::Options& options,
-                                          const RoadScene& scene,
-                                          const std::vector<cv::Mat>& images,
-                                          const RoadPrior& prior, double predicted) {
+PlaneMeasurement estimateWith(const DirectPlaneEstimator::Options& options, const RoadScene& scene,
+                              const std::vector<cv::Mat>& images, const RoadPrior& prior,
+                              double predicted) {
   Drive estimator(options);
-  DirectPlaneEstimator::Result result;
+  PlaneMeasurement result;
   for (std::uint32_t i = 0; i < images.size(); ++i) {
     result = estimator.next(scene.frame(i), images[i], prior, predicted);
   }
@@ -116,7 +116,7 @@ TEST(DirectPlaneEstimator, FindsHeightAndNormalInAnyUnitAndMounting) {
     EXPECT_NEAR(result.plane.height / scene.height, 1, each.camera.fx < 600 ? 0.008 : 0.002);
     EXPECT_NEAR((result.plane.n_c - scene.normal()).norm(), 0, 0.003);
     EXPECT_GT(result.correlation, 0.9);
-    EXPECT_LT(result.height_sigma / scene.height, each.camera.fx < 600 ? 0.03 : 0.01);
+    EXPECT_LT(result.sigma / scene.height, each.camera.fx < 600 ? 0.03 : 0.01);
   }
 }
 
@@ -212,8 +212,8 @@ TEST(DirectPlaneEstimator, WithoutTextureAcrossThePathTheHeightIsNotObserved) {
   const auto weak = [](double x, double z) { return asphalt(x, 0) + 0.03 * (asphalt(x, z) - 110); };
   const auto some = drive(scene, predicted, 4, nullptr, weak), full = drive(scene, predicted);
   ASSERT_EQ(some.status, MeasurementStatus::kMeasured);
-  EXPECT_GT(some.height_sigma, 1.1 * full.height_sigma);
-  EXPECT_LT(std::abs(some.plane.height - scene.height), 3 * some.height_sigma);
+  EXPECT_GT(some.sigma, 1.1 * full.sigma);
+  EXPECT_LT(std::abs(some.plane.height - scene.height), 3 * some.sigma);
 }
 
 /// Textured region that is static in the image.
@@ -257,7 +257,7 @@ TEST(DirectPlaneEstimator, DoesNotUseAMaskedRegion) {
     mask(each.region).setTo(0);
     const auto run = [&](bool has_noise, bool is_masked = true) {
       Drive estimator;
-      DirectPlaneEstimator::Result result;
+      PlaneMeasurement result;
       for (std::uint32_t i = 0; i < each.frames; ++i) {
         cv::Mat image = roadImage(each.scene, scene.step * i);
         cv::Mat part = image(each.region);
@@ -274,7 +274,7 @@ TEST(DirectPlaneEstimator, DoesNotUseAMaskedRegion) {
     EXPECT_NEAR((masked.plane.n_c - scene.normal()).norm(), 0, 0.003);
     EXPECT_EQ(with_noise.plane.height, masked.plane.height);
     EXPECT_EQ(with_noise.plane.n_c, masked.plane.n_c);
-    EXPECT_EQ(with_noise.height_sigma, masked.height_sigma);
+    EXPECT_EQ(with_noise.sigma, masked.sigma);
   }
 }
 
@@ -297,7 +297,7 @@ TEST(DirectPlaneEstimator, TheRegionOfATeleLensContainsVisibleRoad) {
   options.patch_size = 0.01;
   const auto result =
       estimateWith(options, scene, imagesOf(scene, 5), priorOf(scene, kPriorSigma), scene.height);
-  EXPECT_GE(result.patches, 24);
+  EXPECT_GE(result.support, 24);
 }
 
 // The vehicle drives over a hill, and its rear-facing camera sees the part that it has passed. The
@@ -310,7 +310,7 @@ TEST(DirectPlaneEstimator, ARearFacingCameraGivesTheHeightOfAnEarlierCamera) {
   RoadPrior prior = priorOf(scene, kPriorSigma);
   prior.forward_c = -prior.forward_c;
   Drive estimator;
-  DirectPlaneEstimator::Result result;
+  PlaneMeasurement result;
   for (std::uint32_t i = 0; i < 40; ++i) {
     // In the camera's axes the hill is the same everywhere, because the curvature is constant.
     const double travelled = scene.step * i / scene.height;
@@ -328,7 +328,7 @@ TEST(DirectPlaneEstimator, ARearFacingCameraGivesTheHeightOfAnEarlierCamera) {
   ASSERT_EQ(result.status, MeasurementStatus::kMeasured);
   EXPECT_NEAR(result.plane.height / scene.height, 1, 0.01);
   EXPECT_NEAR(result.road_distance / scene.height, 1, 0.1);  // from that camera
-  EXPECT_LT(result.height_sigma / scene.height, 0.01);
+  EXPECT_LT(result.sigma / scene.height, 0.01);
 }
 
 TEST(DirectPlaneEstimator, EachErrorEntersTheSigma) {
@@ -344,7 +344,7 @@ TEST(DirectPlaneEstimator, EachErrorEntersTheSigma) {
     const auto result =
         estimateWith(options, scene, images, priorOf(scene, kPriorSigma), scene.height);
     EXPECT_EQ(result.status, MeasurementStatus::kMeasured);
-    return result.height_sigma;
+    return result.sigma;
   };
   const double without = sigmaWith(nullptr);
   for (const auto error : errors) EXPECT_GT(sigmaWith(error), 1.2 * without);
@@ -375,7 +375,7 @@ TEST(DirectPlaneEstimator, AReferenceIsNeitherTooNearNorTooFar) {
   const RoadScene scene = nearRoad();
   const auto statusAfter = [&](std::initializer_list<double> positions) {  // [camera heights]
     Drive estimator;
-    DirectPlaneEstimator::Result result;
+    PlaneMeasurement result;
     for (const double at : positions) {
       const double z = at * scene.height;
       result = estimator.next(scene.frameAt(0, z), roadImage(scene, z), priorOf(scene, kPriorSigma),
@@ -389,7 +389,7 @@ TEST(DirectPlaneEstimator, AReferenceIsNeitherTooNearNorTooFar) {
   EXPECT_EQ(statusAfter({0, 0.7}), MeasurementStatus::kMeasured);
   // Slow: the older images are kept, at distances of up to two baselines.
   Drive slow;
-  DirectPlaneEstimator::Result result;
+  PlaneMeasurement result;
   for (int i = 0; i < 40; ++i) {
     const double z = 0.05 * i * scene.height;
     result = slow.next(scene.frameAt(0, z), roadImage(scene, z), priorOf(scene, kPriorSigma),
@@ -397,7 +397,7 @@ TEST(DirectPlaneEstimator, AReferenceIsNeitherTooNearNorTooFar) {
   }
   const auto two_baselines = drive(scene, scene.height);
   EXPECT_EQ(result.status, MeasurementStatus::kMeasured);
-  EXPECT_LT(result.height_sigma, 1.5 * two_baselines.height_sigma);
+  EXPECT_LT(result.sigma, 1.5 * two_baselines.sigma);
 }
 
 TEST(DirectPlaneEstimator, ImagesOfAnotherCameraOrMaskAreNoReference) {
@@ -439,7 +439,7 @@ cv::Mat rollingRoadImage(const RoadScene& scene, double at) {
 /// Relative error of the height.
 double errorWith(const RoadScene& scene, bool is_compensated) {
   Drive estimator;
-  DirectPlaneEstimator::Result result;
+  PlaneMeasurement result;
   for (std::uint32_t i = 0; i < 4; ++i) {
     VoFrame frame = scene.frame(i);
     if (is_compensated) {

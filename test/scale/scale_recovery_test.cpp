@@ -129,9 +129,9 @@ TEST_P(ScaleRecoveryMounting, DirectMeasurementsGiveTheScale) {
   ASSERT_NE(output.scale.status, ScaleStatus::kUnknown);
   EXPECT_NEAR(output.scale.scale / kTrueScale, 1, 0.015);
   EXPECT_NEAR((output.scale.n_c - scene.normal()).norm(), 0, 0.02);
-  EXPECT_EQ(output.feature_based.height, 0);
-  EXPECT_NEAR(output.direct.height / scene.height, 1, 0.02);
-  EXPECT_GT(output.correlation, 0.8);
+  EXPECT_EQ(output.feature_based.plane.height, 0);
+  EXPECT_NEAR(output.direct.plane.height / scene.height, 1, 0.02);
+  EXPECT_GT(output.direct.correlation, 0.8);
 }
 
 INSTANTIATE_TEST_SUITE_P(Mountings, ScaleRecoveryMounting,
@@ -371,8 +371,9 @@ TEST(ScaleRecovery, ANewMapKeepsNothingInTheUnitOfTheLastOne) {
     EXPECT_EQ(output_a.scale.window_points, output_b.scale.window_points) << i;
     EXPECT_NEAR(output_a.scale.scale, output_b.scale.scale, 1e-9) << i;
     EXPECT_NEAR(output_a.scale.sigma, output_b.scale.sigma, 1e-9) << i;
-    EXPECT_NEAR(output_a.feature_based.height, output_b.feature_based.height, 1e-9) << i;
-    EXPECT_NEAR(output_a.direct.height, output_b.direct.height, 1e-9) << i;
+    EXPECT_NEAR(output_a.feature_based.plane.height, output_b.feature_based.plane.height, 1e-9)
+        << i;
+    EXPECT_NEAR(output_a.direct.plane.height, output_b.direct.plane.height, 1e-9) << i;
   }
 }
 
@@ -434,8 +435,8 @@ TEST(ScaleRecovery, AContradictingMeasurementIsRejected) {
     const ScaleEstimate known = output.scale;
     const double mounting_roll = output.mounting_roll;
     // Of two accepted ones it is the direct one, which is more precise.
-    ASSERT_GT(output.feature_based.height, 0);
-    EXPECT_EQ(output.plane.height == output.direct.height, each.has_images);
+    ASSERT_GT(output.feature_based.plane.height, 0);
+    EXPECT_EQ(output.plane.height == output.direct.plane.height, each.has_images);
     const RoadScene& imaged = each.direct_is_wrong ? higher : scene;
     const RoadScene& tracked = each.direct_is_wrong ? scene : higher;
     int contradictions = 0;
@@ -446,7 +447,7 @@ TEST(ScaleRecovery, AContradictingMeasurementIsRejected) {
       }
       output =
           recovery.process(frame, each.has_images ? roadImage(imaged, scene.step * i) : cv::Mat());
-      double rejected = output.feature_based.height, accepted = output.direct.height;
+      double rejected = output.feature_based.plane.height, accepted = output.direct.plane.height;
       if (each.direct_is_wrong) std::swap(rejected, accepted);
       if (!(rejected > 1.15 * scene.height) || (accepted > 0) != each.has_images) continue;
       ++contradictions;
@@ -471,7 +472,7 @@ TEST(ScaleRecovery, WithoutImagesOrRefineItIsFeatureBased) {
   const auto a = run(&without, scene, 12), b = run(&disabled, scene, 12, true);
   EXPECT_EQ(a.scale.scale, b.scale.scale);
   EXPECT_EQ(a.scale.sigma, b.scale.sigma);
-  EXPECT_EQ(b.direct.height, 0);
+  EXPECT_EQ(b.direct.plane.height, 0);
 }
 
 TEST(ScaleRecovery, AnImageOfAnotherSizeIsRefused) {

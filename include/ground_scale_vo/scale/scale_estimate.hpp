@@ -36,6 +36,19 @@ struct GroundPlane {
   double height = 0;
 };
 
+/// The plane that one source measured in one frame.
+struct PlaneMeasurement {
+  /// kMeasured: all below is valid. Otherwise the reason why there is none.
+  MeasurementStatus status = MeasurementStatus::kNoPlane;
+  /// Its normal in this frame's camera. Its height is that of the camera above the measured road.
+  GroundPlane plane;
+  double sigma = 0;          ///< standard deviation of plane.height [VO units]
+  double road_distance = 0;  ///< of the measured road's centre from that camera [VO units]
+  int support = 0;           ///< inlying ground points, or matched patches
+  double correlation = 0;    ///< mean of the patches, weighted by texture, -1 to 1; 0: no patches
+  bool is_beside_lane = false;  ///< the lane itself has too few points
+};
+
 /// The scale of one frame. Plane convention: n_c . x_c + d = 0 with n_c unit and pointing up (out
 /// of the road, towards the camera), so d = h, the camera's height, positive.
 /// h*: camera height [m], known or learned from speeds; h: estimated height [VO units]. Equations

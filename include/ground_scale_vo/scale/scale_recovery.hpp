@@ -34,15 +34,6 @@ class ScaleRecovery {
     double delaunay = 0, gpe = 0, gpa = 0, direct = 0, filter = 0, total = 0;
   };
 
-  /// The plane that one source measured in one frame.
-  struct Measurement {
-    double height = 0;         ///< of the camera [VO units]; 0: no measurement
-    double sigma = 0;          ///< standard deviation [VO units]
-    double road_distance = 0;  ///< of the measured road's centre from the path [VO units]
-    Eigen::Vector3d n_c = Eigen::Vector3d::Zero();  ///< normal in this frame's camera
-    bool is_beside_lane = false;                    ///< the lane itself has too few points
-  };
-
   struct Output {
     ScaleEstimate scale;
     /// Metric pose; empty while the scale of the map is not known, while the odometry has no pose,
@@ -54,8 +45,7 @@ class ScaleRecovery {
     std::vector<std::uint64_t> ground_feature_ids;
     std::string speed_warning;  ///< what is wrong with the speeds, one sentence; empty: nothing
     Times times;
-    Measurement feature_based, direct;
-    double correlation = 0;  ///< of the direct measurement's patches; 0 without a measurement
+    PlaneMeasurement feature_based, direct;  ///< height 0: no measurement
     /// Measured at this frame, unfiltered; height 0 when there is none. Of two measurements, the
     /// direct one, unless the filter accepts only the feature-based one.
     GroundPlane plane;

@@ -7,9 +7,9 @@ void MetricOdometry::Options::validate() const {
   scale.validate();
 }
 
-MetricOdometry::Status MetricOdometry::Output::status() const {
-  if (scale.pose) return Status::kTracking;
-  return vo.frame.status == VoStatus::kLost ? Status::kLost : Status::kInitialising;
+VoStatus MetricOdometry::Output::status() const {
+  if (scale.pose) return VoStatus::kTracking;
+  return vo.frame.status == VoStatus::kLost ? VoStatus::kLost : VoStatus::kInitialising;
 }
 
 MetricOdometry::MetricOdometry(const CameraCalibration& camera, const Options& options,
@@ -21,18 +21,6 @@ MetricOdometry::Output MetricOdometry::process(const cv::Mat& image, std::int64_
   output.vo = vo_.process(image, stamp_ns);
   output.scale = scale_.process(output.vo.frame, output.vo.image.grey, output.vo.image.mask);
   return output;
-}
-
-const char* toString(MetricOdometry::Status status) {
-  switch (status) {
-    case MetricOdometry::Status::kInitialising:
-      return "initialising";
-    case MetricOdometry::Status::kTracking:
-      return "tracking";
-    case MetricOdometry::Status::kLost:
-      return "lost";
-  }
-  return "invalid";
 }
 
 }  // namespace ground_scale_vo

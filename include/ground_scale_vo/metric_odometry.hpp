@@ -35,20 +35,15 @@ class MetricOdometry {
     void validate() const;
   };
 
-  enum class Status : std::uint8_t {
-    /// No map or no scale yet: needs motion and a visible road. Also when the pose of a frame is
-    /// refused (MeasurementStatus::kImplausibleMotion).
-    kInitialising,
-    kTracking,  ///< pose() is valid
-    kLost       ///< no pose; tracking resumes by itself, in the same map or in a new one
-  };
-
   struct Output {
     SelfCalibratingOdometry::Output vo;  ///< features, and the pose up to scale
     ScaleRecovery::Output scale;         ///< scale, ground plane and metric pose
 
-    Status status() const;
-    /// Metric pose with covariance, velocity and distance; empty unless status() is kTracking.
+    /// kInitialising: no map or no scale yet, which needs motion and a visible road, or the pose of
+    /// this frame is refused (MeasurementStatus::kImplausibleMotion). kTracking: pose() is valid.
+    /// kLost: tracking resumes by itself, in the same map or in a new one.
+    VoStatus status() const;
+    /// Metric pose with covariance, velocity and distance; empty unless it is tracking.
     const std::optional<MetricPose>& pose() const { return scale.pose; }
   };
 
@@ -74,7 +69,5 @@ class MetricOdometry {
   SelfCalibratingOdometry vo_;
   ScaleRecovery scale_;
 };
-
-const char* toString(MetricOdometry::Status status);  ///< "initialising", "tracking", "lost"
 
 }  // namespace ground_scale_vo

@@ -307,11 +307,11 @@ bool findThereAndBack(const ImagePyramid& from, const ImagePyramid& to,
 
 }  // namespace
 
-ImagePyramid trackingPyramid(const cv::Mat& image, int levels) {
+ImagePyramid trackingPyramid(const cv::Mat& image) {
   ImagePyramid result;
   // A patch outside, and its own border; and a row, because PixelWindow reads whole chunks.
   constexpr int border = kPatchStride, spare = 1;
-  for (cv::Size size = image.size(); static_cast<int>(result.levels.size()) <= levels;
+  for (cv::Size size = image.size(); static_cast<int>(result.levels.size()) <= kPyramidLevels;
        size = {(size.width + 1) / 2, (size.height + 1) / 2}) {
     if (!result.levels.empty() && std::min(size.width, size.height) <= kTrackedSide) break;
     cv::Mat memory(size.height + 2 * border + spare, size.width + 2 * border, CV_8UC1);

@@ -11,9 +11,9 @@ namespace ground_scale_vo {
 constexpr int kTrackedSide = 9;    ///< [px] side of a patch
 constexpr int kPyramidLevels = 4;  ///< above the full resolution
 
-/// The image, 8-bit grey, and at most `levels` smaller ones, each half the size of the one before;
-/// none smaller than a patch. Copies, with a border in memory.
-ImagePyramid trackingPyramid(const cv::Mat& image, int levels = kPyramidLevels);
+/// The image, 8-bit grey, and at most kPyramidLevels smaller ones, each half the size of the one
+/// before; none smaller than a patch. Copies, with a border in memory.
+ImagePyramid trackingPyramid(const cv::Mat& image);
 
 /// Where the patches around `points` [px] of one image are in the next one; empty when a patch is
 /// not found, ends at a pixel where `allowed` is 0 (empty: none is), or is not found back from

@@ -79,61 +79,43 @@ struct ObservationArrays {
   const Doubles& at(std::size_t k, std::size_t i) const { return simd(&numbers[k * size + i]); }
 };
 
-/// kSimdDoubles observations from `i` on, at the pose T_c_w.
-struct LinearisedObservations {
-  decltype(Doubles{} < Doubles{}) behind;
-  /// By a left perturbation of T_c_w (SO(3) x R^3): motionFrom(delta) * T_c_w.
-  ProjectionJacobian J;
-  Doubles r_x, r_y;    // residual
-  Doubles xx, xy, yy;  // information matrix of the residual
-  Doubles distance2;   // squared Mahalanobis distance
-
-  LinearisedObservations(const Eigen::Isometry3d& T_c_w, const ObservationArrays& o,
-                         std::size_t i) {
-    const Eigen::Matrix4d& T = T_c_w.matrix();
+/// Adds the normal equations over a left perturbation of T_c_w (SO(3) x R^3), motionFrom(delta) *
+/// T_c_w, weighted by the kernel of this scale, or with a scale of 0 those of the inliers alone.
+/// distances2: set to the squared Mahalanobis distances, infinite behind the camera; padded to
+/// whole vectors.
+GSV_VECTOR_LOOP void sumObservations(const Eigen::Isometry3d& T_c_w, const ObservationArrays& o,
+                                     double scale, double* distances2, ProjectionSums* sums) {
+  const Eigen::Matrix4d& T = T_c_w.matrix();
+  const double infinity = std::numeric_limits<double>::infinity();
+  const Doubles infinite = {infinity, infinity, infinity, infinity};
+  const Doubles zero = {}, one = {1, 1, 1, 1};
+  for (std::size_t i = 0; i < o.size; i += kSimdDoubles) {
     Doubles p[3], sigma_c[3];
     for (int k = 0; k < 3; ++k) {
       sigma_c[k] =
           T(k, 0) * o.sigma_w(0, i) + T(k, 1) * o.sigma_w(1, i) + T(k, 2) * o.sigma_w(2, i);
       p[k] = T(k, 0) * o.p_w(0, i) + T(k, 1) * o.p_w(1, i) + T(k, 2) * o.p_w(2, i) + T(k, 3);
     }
-    behind = p[2] < kMinObservedDepth;
-    const Doubles one = {1, 1, 1, 1};
+    const auto behind = p[2] < kMinObservedDepth;
     const Doubles inverse_z = 1 / (behind ? one : p[2]);
-    J = {p[0] * inverse_z, p[1] * inverse_z, inverse_z};
-    r_x = J.ux - o.x(0, i);
-    r_y = J.uy - o.x(1, i);
+    const ProjectionJacobian J{p[0] * inverse_z, p[1] * inverse_z, inverse_z};
+    const Doubles r_x = J.ux - o.x(0, i), r_y = J.uy - o.x(1, i);  // residual
     const Doubles g_x = inverse_z * (sigma_c[0] - J.ux * sigma_c[2]);
     const Doubles g_y = inverse_z * (sigma_c[1] - J.uy * sigma_c[2]);
-    // (sigma^2 I + g g^T)^-1
+    // Its information matrix, (sigma^2 I + g g^T)^-1.
     const Doubles& n2 = o.variance(i);
     const Doubles inverse_n2 = 1 / n2, h = inverse_n2 / (n2 + g_x * g_x + g_y * g_y);
-    xx = inverse_n2 - h * g_x * g_x;
-    xy = -h * g_x * g_y;
-    yy = inverse_n2 - h * g_y * g_y;
-    distance2 = r_x * (xx * r_x + xy * r_y) + r_y * (xy * r_x + yy * r_y);
-  }
-};
-
-/// Adds the normal equations, weighted by the kernel of this scale, or with a scale of 0 those of
-/// the inliers alone. distances2: set to the squared Mahalanobis distances, infinite behind the
-/// camera; padded to whole vectors.
-GSV_VECTOR_LOOP void sumObservations(const Eigen::Isometry3d& T_c_w,
-                                     const ObservationArrays& arrays, double scale,
-                                     double* distances2, ProjectionSums* sums) {
-  const double infinity = std::numeric_limits<double>::infinity();
-  const Doubles infinite = {infinity, infinity, infinity, infinity};
-  const Doubles zero = {}, one = {1, 1, 1, 1};
-  for (std::size_t i = 0; i < arrays.size; i += kSimdDoubles) {
-    const LinearisedObservations l(T_c_w, arrays, i);
-    const Doubles distance2 = l.behind ? infinite : l.distance2;
+    const Doubles xx = inverse_n2 - h * g_x * g_x, yy = inverse_n2 - h * g_y * g_y;
+    const Doubles xy = -h * g_x * g_y;
+    const Doubles squares = r_x * (xx * r_x + xy * r_y) + r_y * (xy * r_x + yy * r_y);
+    const Doubles distance2 = behind ? infinite : squares;
+    simd(distances2 + i) = distance2;
     Doubles weight = distance2 < kInlierSigma * kInlierSigma ? one : zero;
     if (scale > 0) {
       const Doubles root = 1 / (1 + distance2 / (scale * scale * kGemanMcClure));
       weight = root * root;
     }
-    simd(distances2 + i) = distance2;
-    sums->add(l.J, weight * l.xx, weight * l.xy, weight * l.yy, l.r_x, l.r_y);
+    sums->add(J, weight * xx, weight * xy, weight * yy, r_x, r_y);
   }
 }
 

@@ -50,12 +50,6 @@ double exposureStep(const cv::Mat& previous, const cv::Mat& current) {
       static_cast<double>(ratios.size()) < kMinUnclipped * static_cast<double>(previous.total())) {
     return 1;
   }
-  // Nearly always the median is no step; counting takes less time than finding it.
-  const auto brighter =
-      std::count_if(ratios.begin(), ratios.end(), [](double ratio) { return ratio >= kMinStep; });
-  const auto darker = std::count_if(ratios.begin(), ratios.end(),
-                                    [](double ratio) { return ratio <= 1 / kMinStep; });
-  if (2 * static_cast<std::size_t>(std::max(brighter, darker)) < ratios.size()) return 1;
   const double step = median(&ratios), size = std::abs(std::log(step));
   if (size < std::log(kMinStep) || size > std::log(kMaxStep)) return 1;
   for (double& ratio : ratios) ratio = std::abs(std::log(ratio / step));

@@ -77,6 +77,14 @@ TEST(Pipeline, TheSameInputTwiceGivesTheSameBytes) {
   EXPECT_TRUE(run() == run());
 }
 
+TEST(MetricOdometry, WithoutAScaleItIsInitialising) {
+  MetricOdometry::Output output;
+  output.vo.frame.status = VoStatus::kTracking;
+  EXPECT_EQ(output.status(), VoStatus::kInitialising);
+  output.vo.frame.status = VoStatus::kLost;
+  EXPECT_EQ(output.status(), VoStatus::kLost);
+}
+
 TEST(Pipeline, TheOptionsOfThePaperRun) {
   SyntheticDrive::Options drive_options = smallImages();
   drive_options.frames = 60;

@@ -216,7 +216,7 @@ TEST(LucasKanade, AgreesWithOpenCv) {
 
 TEST(LucasKanade, DoesNotFindPointsWithoutTexture) {
   const auto isTracked = [](const cv::Mat& image) {
-    const ImagePyramid pyramid = trackingPyramid(image, 0);
+    const ImagePyramid pyramid = trackingPyramid(image);
     return trackPoints(pyramid, pyramid, {{400, 124}}, {}, {})[0].has_value();
   };
   EXPECT_FALSE(isTracked(cv::Mat(248, 800, CV_8UC1, cv::Scalar(90))));
@@ -243,7 +243,7 @@ TEST(LucasKanade, TracksPatchesEverywhereInAnImage) {
     guesses.push_back(all.back() + cv::Point2f(0.4f, -0.3f));
   }
   for (const cv::Mat& image : {test::blurredNoise(7)({100, 100, 61, 37}).clone(), squares}) {
-    const ImagePyramid pyramid = trackingPyramid(image, 0);
+    const ImagePyramid pyramid = trackingPyramid(image);
     const auto tracks = trackPoints(pyramid, pyramid, all, guesses, {});
     for (std::size_t i = 0; i < all.size(); ++i) {
       if (!inside.contains(all[i])) continue;

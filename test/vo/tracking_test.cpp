@@ -243,7 +243,8 @@ TEST(LucasKanade, TracksPatchesEverywhereInAnImage) {
     guesses.push_back(all.back() + cv::Point2f(0.4f, -0.3f));
   }
   for (const cv::Mat& image : {test::blurredNoise(7)({100, 100, 61, 37}).clone(), squares}) {
-    const ImagePyramid pyramid = trackingPyramid(image);
+    ImagePyramid pyramid = trackingPyramid(image);
+    pyramid.levels.resize(1);  // the squares repeat themselves
     const auto tracks = trackPoints(pyramid, pyramid, all, guesses, {});
     for (std::size_t i = 0; i < all.size(); ++i) {
       if (!inside.contains(all[i])) continue;

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <sstream>
-#include <tuple>
 
 #include "common/text.hpp"
 #include "ground_scale_vo/common/error.hpp"
@@ -28,8 +27,8 @@ constexpr double kOffCentre = 0.3;  ///< [half images]
 /// field of view is then that of a camera on a vehicle; else the images are cropped.
 constexpr double kMinFieldOfView = 30;
 
-/// Standard deviation of k1, where it is not given: of a lens that was estimated from drives, and of
-/// a published calibration.
+/// Standard deviation of k1, where it is not given: of a lens that was estimated from drives, and
+/// of a published calibration.
 constexpr double kEstimatedK1Sigma = 0.003, kPublishedK1Sigma = 0.02;
 
 /// Points per side of the grid on which two rectifications are compared.
@@ -74,12 +73,6 @@ void require(const cv::Mat& image, const PinholeCamera& camera, const std::strin
   if (image.cols == camera.width && image.rows == camera.height) return;
   throw OptionError(name + " is " + sizeText(image.cols, image.rows) + ", the camera " +
                     sizeText(camera.width, camera.height));
-}
-
-bool areClose(const PinholeCamera& a, const PinholeCamera& b) {
-  const auto same = [](double x, double y) { return std::abs(x - y) <= kTolerancePx; };
-  return a.width == b.width && a.height == b.height && same(a.fx, b.fx) && same(a.fy, b.fy) &&
-         same(a.cx, b.cx) && same(a.cy, b.cy);
 }
 
 CameraCalibration::Pixels mapped(DistortionModel::Map* map, const CameraCalibration& c,
@@ -182,16 +175,12 @@ std::string CameraCalibration::describe() const {
   return text.str();
 }
 
-bool operator==(const CameraCalibration& a, const CameraCalibration& b) {
-  const auto values = [](const CameraCalibration& c) {
-    return std::tie(c.width, c.height, c.fx, c.fy, c.cx, c.cy, c.distortion, c.estimated,
-                    c.k1_sigma, c.readout_time, c.model, c.is_part, c.binning.width, c.binning.height);
-  };
-  return values(a) == values(b);
-}
-
 bool isSameCalibration(const CameraCalibration& a, const CameraCalibration& b) {
-  if (!areClose(pinholeOf(a), pinholeOf(b))) return false;
+  const auto same = [](double x, double y) { return std::abs(x - y) <= kTolerancePx; };
+  if (a.width != b.width || a.height != b.height || !same(a.fx, b.fx) || !same(a.fy, b.fy) ||
+      !same(a.cx, b.cx) || !same(a.cy, b.cy)) {
+    return false;
+  }
   CameraCalibration::Pixels grid;
   const double last = kComparedPoints - 1;
   for (int i = 0; i < kComparedPoints * kComparedPoints; ++i) {

@@ -69,7 +69,9 @@ void CameraInput::setCameraInfo(const sensor_msgs::CameraInfo& info, const std::
   const std::string source = "camera_info on topic " + topic;
   const std::string warning = check(calibration, source);
   if (!calibrations_.accepts(calibration)) throw DataError(calibrationError());
-  if (!camera_ || !(*camera_ == calibrations_.current())) use(calibration, source, warning);
+  if (!camera_ || !isSameCalibration(*camera_, calibrations_.current())) {
+    use(calibration, source, warning);
+  }
 }
 
 /// Returns a warning, or an empty text. Throws DataError.

@@ -99,8 +99,6 @@ struct CameraCalibration {
   std::string describe() const;
 };
 
-bool operator==(const CameraCalibration& a, const CameraCalibration& b);
-
 /// Same image size, and both rectify an image to the same intrinsics and from the same raw pixels,
 /// within 0.1 px: publishers that round differently describe the same camera with such differences,
 /// which are far below the error of a calibration.

@@ -26,7 +26,7 @@ template <typename... Parts>
 [[noreturn]] void refuse(const Parts&... parts) {
   std::ostringstream sentence;
   (sentence << ... << parts);
-  throw MessageError(sentence.str());
+  throw DataError(sentence.str());
 }
 
 /// "(1, 2, 3)"
@@ -38,7 +38,7 @@ std::string text(const Vector& vector) {
   return stream.str();
 }
 
-/// Checks an enumerator of a message. Throws MessageError.
+/// Checks an enumerator of a message. Throws DataError.
 void requireAtMost(const char* field, unsigned value, unsigned max) {
   if (value > max) refuse(field, " is ", value, ", it must lie in [0, ", max, "]");
 }
@@ -68,6 +68,10 @@ Eigen::Isometry3d toIsometry(const geometry_msgs::Quaternion& q, const Position&
 }
 
 using RowMajorMatrix6d = Eigen::Matrix<double, 6, 6, Eigen::RowMajor>;
+
+/// First element of a covariance without an estimate, as sensor_msgs/Imu defines it; nav_msgs and
+/// geometry_msgs define none.
+constexpr double kUnknownCovariance = -1;
 
 Matrix6d poseCovarianceOf(const VoFrameMsg& msg) {
   const Eigen::Map<const RowMajorMatrix6d> C(msg.pose_covariance.data());
@@ -285,6 +289,23 @@ ScaleEstimate fromMsg(const ScaleEstimateMsg& msg) {
     value = static_cast<std::decay_t<decltype(value)>>(field);
   });
   return scale;
+}
+
+nav_msgs::Odometry::Ptr toOdometryMsg(const VoFrame& frame, const std_msgs::Header& image_header,
+                                      const std::string& world_frame) {
+  auto msg = boost::make_shared<nav_msgs::Odometry>();
+  msg->header.stamp = image_header.stamp;
+  msg->header.frame_id = world_frame;
+  msg->child_frame_id = image_header.frame_id;
+  msg->pose.pose = tf2::toMsg(frame.T_w_c);
+  Matrix6d axes = Matrix6d::Zero();
+  axes.topLeftCorner<3, 3>() = axes.bottomRightCorner<3, 3>() = frame.T_w_c.linear();
+  const Matrix6d covariance = axes * frame.pose_covariance * axes.transpose();
+  Eigen::Map<RowMajorMatrix6d>(msg->pose.covariance.data()) =
+      0.5 * (covariance + covariance.transpose());
+  if (frame.pose_covariance.isZero(0)) msg->pose.covariance[0] = kUnknownCovariance;
+  msg->twist.covariance[0] = kUnknownCovariance;
+  return msg;
 }
 
 geometry_msgs::Pose toMsg(const Eigen::Isometry3d& T_a_b) { return tf2::toMsg(T_a_b); }

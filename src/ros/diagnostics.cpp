@@ -1,29 +1,21 @@
 #include "ros/diagnostics.hpp"
 
-#include <ros/time.h>
-
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 
 #include "common/text.hpp"
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/math.hpp"
 #include "ground_scale_vo/common/se3.hpp"
+#include "ros/odometry_output.hpp"
 #include "scale/road.hpp"
 
 namespace ground_scale_vo {
 namespace {
 
-constexpr double kSilenceS = 5.0;  // as rqt_runtime_monitor before it marks a node stale
-constexpr double kHeldS = 3.0;     // shorter gaps between measurements occur in every drive
-
-DiagnosticStatus summary(std::int8_t level, const std::string& message) {
-  DiagnosticStatus result;
-  result.level = level;
-  result.message = message;
-  return result;
-}
+constexpr double kHeldS = 3.0;  // [s] shorter gaps between measurements occur in every drive
 
 /// Rotation of which the axis is one sample: a vehicle hardly pitches or rolls by so much.
 constexpr double kTurn = 10 * kRadiansPerDegree;
@@ -97,52 +89,18 @@ std::uint64_t WarningLog::dropped(const std::string& prefix) const {
   return sum;
 }
 
-std::string missingClock() {
-  if (!ros::Time::isSimTime() || !ros::Time::now().isZero()) return {};
-  return "/use_sim_time is true, but no time was received on /clock: publish it, or for a live "
-         "camera set /use_sim_time to false and restart all nodes";
+void WarningLog::warnOfState(const std::string& sentence) {
+  std::string kind;
+  std::remove_copy_if(sentence.begin(), sentence.end(), std::back_inserter(kind),
+                      [](char c) { return c >= '-' && c <= '9'; });
+  if (!kind.empty()) warn(kind, sentence, std::chrono::hours(1));
 }
 
-std::string withMissingClock(const std::string& sentence) {
-  const std::string missing = missingClock();
-  return missing.empty() ? sentence : sentence + "; " + missing;
-}
-
-std::string InputWatch::missing(const std::string& topic) const {
-  if (received_ == 0) return "no " + name_ + " received yet on " + topic;
-  if (since_last_.seconds() < kSilenceS) return {};
-  return "no " + name_ + format(" for %.0f s on ", since_last_.seconds()) + topic;
-}
-
-DiagnosticStatus summarize(const StageState& state) {
-  if (!state.missing.empty()) return summary(DiagnosticStatus::ERROR, state.missing);
-  for (const std::string& error : state.errors) {
-    if (!error.empty()) return summary(DiagnosticStatus::ERROR, error);
-  }
-  DiagnosticStatus result = state.stage;
-  std::vector<std::string> warnings = state.warnings;
-  if (state.dropped > 0) {
-    if (state.since_processed_s.value_or(kSilenceS) >= kSilenceS) {
-      result = summary(DiagnosticStatus::ERROR, "no usable " + state.input);
-      if (state.since_processed_s)
-        result.message += format(" for %.0f s", *state.since_processed_s);
-    }
-    warnings.insert(warnings.begin(), std::to_string(state.dropped) + " " + state.inputs +
-                                          " dropped in the last second");
-  }
-  for (const std::string& warning : warnings) {
-    if (warning.empty()) continue;
-    result.level = std::max<std::int8_t>(result.level, DiagnosticStatus::WARN);
-    result.message += "; " + warning;
-  }
+DiagnosticStatus statusOf(std::int8_t level, const std::string& message) {
+  DiagnosticStatus result;
+  result.level = level;
+  result.message = message;
   return result;
-}
-
-DiagnosticStatus summarize(const std::optional<VoStatus>& status) {
-  const VoStatus known = status.value_or(VoStatus::kInitialising);
-  constexpr std::int8_t kLevels[] = {DiagnosticStatus::WARN, DiagnosticStatus::OK,
-                                     DiagnosticStatus::ERROR};  // as VoStatus
-  return summary(kLevels[static_cast<std::size_t>(known)], toString(known));
 }
 
 DiagnosticStatus summarize(const ScaleEstimate& scale, double held_s,
@@ -150,19 +108,19 @@ DiagnosticStatus summarize(const ScaleEstimate& scale, double held_s,
   const std::string reason = toString(scale.measurement);
   if (scale.status == ScaleStatus::kUnknown) {
     const bool is_measured = scale.measurement == MeasurementStatus::kMeasured;
-    return summary(DiagnosticStatus::WARN,
-                   "scale not known yet" + (is_measured ? "" : ": " + reason));
+    return statusOf(DiagnosticStatus::WARN,
+                    "scale not known yet" + (is_measured ? "" : ": " + reason));
   }
   if (scale.status == ScaleStatus::kOk) {
-    if (missing_image.empty()) return summary(DiagnosticStatus::OK, "scale measured");
-    return summary(DiagnosticStatus::WARN, "scale measured from features only, " + missing_image);
+    if (missing_image.empty()) return statusOf(DiagnosticStatus::OK, "scale measured");
+    return statusOf(DiagnosticStatus::WARN, "scale measured from features only, " + missing_image);
   }
   if (scale.measurement == MeasurementStatus::kStandstill) {
-    return summary(DiagnosticStatus::OK, "scale held: " + reason);
+    return statusOf(DiagnosticStatus::OK, "scale held: " + reason);
   }
   const bool is_normal = scale.measurement != MeasurementStatus::kVoNotTracking && held_s < kHeldS;
-  return summary(is_normal ? DiagnosticStatus::OK : DiagnosticStatus::WARN,
-                 format("scale held for %.1f s: ", held_s) + reason);
+  return statusOf(is_normal ? DiagnosticStatus::OK : DiagnosticStatus::WARN,
+                  format("scale held for %.1f s: ", held_s) + reason);
 }
 
 void TurnAxis::add(const VoFrame& frame) {
@@ -186,7 +144,7 @@ std::optional<Eigen::Vector3d> TurnAxis::upward() const {
 
 std::string mountingWarning(const ScaleRecovery::Output& measured,
                             const std::optional<Eigen::Vector3d>& turn_axis_c,
-                            const std::optional<MountingOnTf>& on_tf) {
+                            const TfFrames* on_tf, const std::string& camera_frame) {
   // First: where the road is not below the camera, a plane may be measured that is none.
   std::string warning;
   if (turn_axis_c)
@@ -198,16 +156,17 @@ std::string mountingWarning(const ScaleRecovery::Output& measured,
     warning =
         unsupported("on the road the camera has ", n_c, kEstimateErrorDeg + kSigmas * sigma_deg);
   }
-  if (!warning.empty() || !on_tf) return warning;
+  if (!warning.empty() || on_tf == nullptr) return warning;
   const std::string tf =
-      "tf mounts the camera \"" + on_tf->camera_frame + "\" on \"" + on_tf->base_frame + "\" with ";
+      "tf mounts the camera \"" + camera_frame + "\" on \"" + on_tf->base_frame + "\" with ";
+  const Eigen::Vector3d up_c = on_tf->T_c_b.linear().col(2);
   const double deviation_deg =
-      kDegreesPerRadian * std::atan2(on_tf->up_c.cross(n_c).norm(), on_tf->up_c.dot(n_c));
+      kDegreesPerRadian * std::atan2(up_c.cross(n_c).norm(), up_c.dot(n_c));
   if (is_known && deviation_deg > kLimitDeg + kSigmas * sigma_deg) {
-    return tf + text(on_tf->up_c) + ", but on the road it has " + text(n_c) +
+    return tf + text(up_c) + ", but on the road it has " + text(n_c) +
            format(": the path climbs or sinks by up to %.1f deg", deviation_deg);
   }
-  return unsupported(tf, on_tf->up_c, kEstimateErrorDeg);
+  return unsupported(tf, up_c, kEstimateErrorDeg);
 }
 
 std::string learnedHeightYaml(const ScaleRecovery::Output& measured, double given_sigma) {

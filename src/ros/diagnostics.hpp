@@ -9,15 +9,15 @@
 #include <map>
 #include <optional>
 #include <string>
-#include <vector>
 
-#include "common/time.hpp"
 #include "ground_scale_vo/scale/scale_recovery.hpp"
 #include "ground_scale_vo/vo/vo_frame.hpp"
 
 // What the log and the diagnostics of a nodelet say, and the checks of the mounting that they
 // report. All times are wall times: the clock of a bag may stop or jump.
 namespace ground_scale_vo {
+
+struct TfFrames;  // odometry_output.hpp
 
 /// Logs problems by kind, one message of a kind in each period, and counts dropped messages.
 class WarningLog {
@@ -35,6 +35,9 @@ class WarningLog {
             std::chrono::milliseconds period = kPeriod) {
     return print(ros::console::levels::Warn, kind, sentence, period);
   }
+  /// A state that lasts: at most every hour, also when the numbers in the sentence change. Nothing
+  /// for an empty sentence.
+  void warnOfState(const std::string& sentence);
   bool error(const std::string& kind, const std::string& sentence) {
     return print(ros::console::levels::Error, kind, sentence, kPeriod);
   }
@@ -54,49 +57,12 @@ class WarningLog {
   std::map<std::string, std::chrono::steady_clock::time_point> printed_;  ///< by kind
 };
 
-/// One clause while ROS time does not run, else empty. Drivers then stamp their images with
-/// zero, or wait for the time.
-std::string missingClock();
-/// The sentence, followed by missingClock().
-std::string withMissingClock(const std::string& sentence);
-
-/// The messages of an input, also those that are refused.
-class InputWatch {
- public:
-  /// name: "image", "vo/frame".
-  explicit InputWatch(std::string name) : name_(std::move(name)) {}
-
-  void count() {
-    ++received_;
-    since_last_ = Stopwatch();
-  }
-  std::uint64_t received() const { return received_; }
-  /// One sentence if none has come yet, or none any more; empty: they arrive.
-  std::string missing(const std::string& topic) const;
-
- private:
-  std::string name_;
-  std::uint64_t received_ = 0;
-  Stopwatch since_last_;
-};
-
 using diagnostic_msgs::DiagnosticStatus;
 
-/// What the summary of a nodelet depends on. Empty texts: nothing is wrong.
-struct StageState {
-  std::string input, inputs;                ///< name of the input, and the plural
-  std::string missing;                      ///< takes precedence over `errors`
-  std::vector<std::string> errors;          ///< the first one is the summary
-  DiagnosticStatus stage;                   ///< of the last frame
-  std::optional<double> since_processed_s;  ///< since the last frame; empty: none yet
-  std::uint64_t dropped = 0;                ///< in the last second: queue full, refused, stamp
-  std::vector<std::string> warnings;        ///< appended
-};
-/// Level and message (docs/how-to/troubleshooting.md). Of a stage: empty: no image has been
-/// processed; held_s: since the first HELD frame after a measurement or standstill; missing_image:
-/// why no image was used in the last second, empty: one was, or images are not used.
-DiagnosticStatus summarize(const StageState& state);
-DiagnosticStatus summarize(const std::optional<VoStatus>& status);
+DiagnosticStatus statusOf(std::int8_t level, const std::string& message);
+/// Level and message (docs/how-to/troubleshooting.md). held_s: since the first HELD frame after a
+/// measurement or standstill; missing_image: why the last frame had no image, empty: it had
+/// one, or images are not used.
 DiagnosticStatus summarize(const ScaleEstimate& scale, double held_s,
                            const std::string& missing_image);
 
@@ -116,19 +82,12 @@ class TurnAxis {
   int turns_ = 0;
 };
 
-/// The mounting as tf has it.
-struct MountingOnTf {
-  std::string base_frame, camera_frame;
-  Eigen::Vector3d up_c;  ///< z axis of the base in camera axes, unit
-};
-
 /// One sentence if the mounting of the camera is beyond the supported pitch and roll or contradicts
 /// the road; empty: neither, or not known well enough yet. measured: of the latest frame.
-/// turn_axis_c: TurnAxis::upward(). on_tf: empty: the base is the camera, or the camera moves on
-/// it.
+/// turn_axis_c: TurnAxis::upward(). on_tf: null: the base is the camera, or the camera moves on it.
 std::string mountingWarning(const ScaleRecovery::Output& measured,
                             const std::optional<Eigen::Vector3d>& turn_axis_c,
-                            const std::optional<MountingOnTf>& on_tf);
+                            const TfFrames* on_tf, const std::string& camera_frame);
 
 /// The camera height as a file that `calibrate_height` would write, with the measured mounting.
 /// Throws DataError, one sentence, if it is not known from speeds with an error (95 %) of at most

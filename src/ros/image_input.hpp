@@ -1,12 +1,8 @@
 #pragma once
 
-#include <image_transport/image_transport.h>
-#include <ros/node_handle.h>
 #include <sensor_msgs/CameraInfo.h>
-#include <sensor_msgs/CompressedImage.h>
 #include <sensor_msgs/Image.h>
 
-#include <cstdint>
 #include <functional>
 #include <memory>
 #include <opencv2/core.hpp>
@@ -16,10 +12,8 @@
 
 #include "ground_scale_vo/input/camera.hpp"
 #include "ground_scale_vo/input/image.hpp"
-#include "ros/diagnostics.hpp"
-#include "ros/params.hpp"
 
-// How MonoVo receives its images.
+// The images of MonoVo and their calibration.
 namespace ground_scale_vo {
 
 /// Detects that the description of the source in the messages keeps changing, as of two cameras on
@@ -81,16 +75,18 @@ class CameraInput {
 
   /// Throws DataError that names the topic, also while the calibration keeps changing and for
   /// one whose image size the mask does not have; the previous calibration stays in use then.
-  /// Precondition: no camera file.
-  void setCameraInfo(const sensor_msgs::CameraInfo& info, const std::string& topic);
+  /// image_topic: for warning(). Precondition: no camera file.
+  void setCameraInfo(const sensor_msgs::CameraInfo& info, const std::string& topic,
+                     const std::string& image_topic = {});
 
   /// Of the images as they come. Without a camera file, null before the first valid camera_info. A
   /// new object if and only if the calibration changed.
   const std::shared_ptr<const CameraCalibration>& camera() const { return camera_; }
   /// Of the images as they come; empty: none.
   const cv::Mat& mask() const { return mask_; }
-  /// What is suspicious about camera() (checkCalibration()), or empty.
-  const std::string& calibrationWarning() const { return calibration_warning_; }
+  /// How image_is_rectified contradicts the last valid camera_info, or what is suspicious about the
+  /// calibration; or empty.
+  const std::string& warning() const { return warning_; }
   /// One sentence while camera_info keeps changing, else empty.
   std::string calibrationError() const;
 
@@ -99,78 +95,16 @@ class CameraInput {
   cv::Mat grey(const sensor_msgs::Image& image);
 
  private:
-  void readCamera(const std::string& file);
-  std::string check(const CameraCalibration& calibration, const std::string& source) const;
-  void use(const CameraCalibration& calibration, const std::string& source,
-           const std::string& warning);
+  std::string check(const CameraCalibration& calibration) const;
 
   const bool image_is_rectified_;
   const std::string mask_name_;  ///< for errors
   const cv::Mat mask_;
   std::string source_;  ///< of camera_: "camera_info on topic T" or "parameter camera_file: FILE"
-  std::string calibration_warning_;
+  std::string warning_;
   std::shared_ptr<const CameraCalibration> camera_;
   SourceGuard<CameraCalibration> calibrations_{isSameCalibration};
   GreyConverter grey_converter_;
-};
-
-/// Subscribes to `image` (image_transport) and, without a camera file, to `camera_info`. It runs in
-/// the callback queue of the node handle.
-class ImageReceiver {
- public:
-  /// Each image as it arrives, before any check; a compressed one after decoding.
-  using OnImage = std::function<void(const sensor_msgs::ImageConstPtr&)>;
-  using OnCamera = std::function<void()>;  ///< after each valid camera_info
-
-  /// params.image_transport: `compressed` is decoded here; `raw_or_compressed` subscribes to both,
-  /// where only one of them is published; any other one but `raw` needs its plugin, which may read
-  /// parameters of private_handle. Throws OptionError when the plugin is missing, and for a mask or
-  /// camera file that cannot be used.
-  ImageReceiver(ros::NodeHandle handle, const ros::NodeHandle& private_handle,
-                const MonoVoParams& params, WarningLog* log, OnImage on_image, OnCamera on_camera);
-  ImageReceiver(const ImageReceiver&) = delete;
-  ImageReceiver& operator=(const ImageReceiver&) = delete;
-
-  const std::shared_ptr<const CameraCalibration>& camera() const { return input_.camera(); }
-  const cv::Mat& mask() const { return input_.mask(); }
-  std::string cameraInfoTopic() const { return camera_info_subscriber_.getTopic(); }
-
-  /// CameraInput::grey(). Empty, after log->drop("image refused", …) or drop("image of another
-  /// camera", …), for an image that cannot be used. Precondition: camera() is not null.
-  cv::Mat grey(const sensor_msgs::Image& image);
-
-  /// For images derived from the received ones.
-  image_transport::ImageTransport& transport() { return transport_; }
-
-  // For the diagnostics.
-  std::uint64_t received() const { return images_.received(); }
-  /// What is missing or wrong with the input.
-  void describe(StageState* state) const;
-
- private:
-  std::string imageTopic() const;
-  std::string sourceError() const;
-  std::string rectificationWarning(const sensor_msgs::CameraInfo& info) const;
-  void warnOfCalibration(const std::string& warning);
-  void onCameraInfo(const sensor_msgs::CameraInfoConstPtr& info);
-  void onCompressedImage(const sensor_msgs::CompressedImageConstPtr& compressed);
-  void onImage(const sensor_msgs::ImageConstPtr& image);
-
-  const bool image_is_rectified_;
-  WarningLog* const log_;
-  const OnImage on_image_;
-  const OnCamera on_camera_;
-  CameraInput input_;
-  SourceGuard<std::string> sources_;  ///< frame_id of the images that can be used
-  InputWatch images_{"image"};
-  std::string camera_info_error_;  ///< of the last camera_info; empty: it was accepted
-  /// How image_is_rectified contradicts the last valid camera_info, or what is suspicious about it.
-  std::string calibration_warning_;
-
-  image_transport::ImageTransport transport_;
-  ros::Subscriber camera_info_subscriber_;
-  image_transport::Subscriber image_subscriber_;
-  ros::Subscriber compressed_subscriber_;  ///< with `compressed` and `raw_or_compressed`
 };
 
 }  // namespace ground_scale_vo

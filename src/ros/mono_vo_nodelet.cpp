@@ -1,12 +1,17 @@
+#include <image_transport/image_transport.h>
 #include <nav_msgs/Odometry.h>
+#include <sensor_msgs/CameraInfo.h>
+#include <sensor_msgs/CompressedImage.h>
 #include <sensor_msgs/PointCloud2.h>
 #include <sensor_msgs/image_encodings.h>
 
 #include <algorithm>
 #include <boost/make_shared.hpp>
+#include <cstdint>
 #include <deque>
 #include <exception>
 #include <memory>
+#include <opencv2/core.hpp>
 #include <optional>
 #include <pluginlib/class_list_macros.hpp>
 #include <string>
@@ -19,11 +24,15 @@
 #include "ground_scale_vo/ros/conversions.hpp"
 #include "ground_scale_vo/self_calibrating_odometry.hpp"
 #include "ros/image_input.hpp"
-#include "ros/odometry_output.hpp"
 #include "ros/stage_nodelet.hpp"
 #include "ros/visuals.hpp"
 
 namespace ground_scale_vo {
+namespace {
+
+constexpr std::uint32_t kInputQueue = 100;  // [messages] that wait for their callback
+
+}  // namespace
 
 /// image + camera_info -> vo/frame, vo/odometry, and vo/image with vo/mask, on which the odometry
 /// worked; for visualisation vo/image_tracks, vo/points. Services ~reset, and with refine_camera
@@ -36,41 +45,53 @@ namespace ground_scale_vo {
 /// camera_info.
 class MonoVoNodelet : public StageNodelet {
  public:
-  MonoVoNodelet() : StageNodelet("odometry") {}
+  MonoVoNodelet() : StageNodelet("odometry", "image", "images") {}
   ~MonoVoNodelet() override { stopCallbacks(); }
 
  private:
-  struct GreyImage {
-    sensor_msgs::ImageConstPtr message;  ///< `grey` may refer to its data
-    cv::Mat grey;
-    std::shared_ptr<const CameraCalibration> camera;
-  };
+  using Camera = std::shared_ptr<const CameraCalibration>;
 
   void start(ros::NodeHandle& handle, ros::NodeHandle& private_handle) override;
   std::string reset() override;
-  void describe(StageState* state, diagnostic_updater::DiagnosticStatusWrapper& values) override;
+  State describe(Diagnostics& status) override;
 
+  void subscribe(ros::NodeHandle& handle, const ros::NodeHandle& private_handle,
+                 image_transport::ImageTransport* transport);
+  std::string imageTopic() const;
+  /// One sentence while two cameras publish on one topic or camera_info keeps changing, else empty.
+  std::string sourceError() const;
+  void onCameraInfo(const sensor_msgs::CameraInfoConstPtr& info);
+  void onCompressedImage(const sensor_msgs::CompressedImageConstPtr& compressed);
   void onImage(const sensor_msgs::ImageConstPtr& image);
+  void store(const sensor_msgs::ImageConstPtr& image);
   /// Posts a task that processes the oldest stored image, unless one is pending or none can run.
   void scheduleProcessing();
   void processOldest();
-  void process(const GreyImage& image, bool clock_jumped_back);
-  /// Starts the odometry anew if this image does not continue the ones before it: its sequence and
-  /// map ids are 0 again.
-  void startOdometry(const GreyImage& image, bool clock_jumped_back);
+  /// May refer to the data of the message. Empty, after log_->drop(), if it cannot be used.
+  cv::Mat greyOf(const sensor_msgs::Image& image);
+  void process(const sensor_msgs::Image& image, const cv::Mat& grey, const Camera& camera,
+               bool clock_jumped_back);
+  /// Starts the odometry anew if the next image does not continue the ones before it: its sequence
+  /// and map ids are 0 again.
+  void startOdometry(const Camera& camera, bool clock_jumped_back);
   void publish(const SelfCalibratingOdometry::Output& output, const std_msgs::Header& header);
   void publishLens(const std_msgs::Header& header);
   std::string saveCamera() const;
 
   MonoVoParams params_;
-  std::unique_ptr<ImageReceiver> receiver_;
+  ros::Subscriber camera_info_subscriber_;        ///< without a camera file
+  ros::Subscriber compressed_subscriber_;         ///< with `compressed` and `raw_or_compressed`
+  image_transport::Subscriber image_subscriber_;  ///< with all but `compressed`
+  std::unique_ptr<CameraInput> input_;
+  std::string camera_info_error_;     ///< of the last camera_info; empty: it was accepted
+  SourceGuard<std::string> sources_;  ///< frame_id of the images that can be used
   std::deque<sensor_msgs::ImageConstPtr> images_;
   std::uint64_t dropped_from_queue_ = 0;
   bool processing_scheduled_ = false;
   std::unique_ptr<StampFilter> stamp_filter_;
 
   std::unique_ptr<SelfCalibratingOdometry> odometry_;  ///< null: the next image starts one
-  std::shared_ptr<const CameraCalibration> odometry_camera_;
+  Camera odometry_camera_;
   TrackPainter painter_;
   std::optional<VoFrame> last_frame_;  ///< of odometry_
 
@@ -84,23 +105,52 @@ void MonoVoNodelet::start(ros::NodeHandle& handle, ros::NodeHandle& private_hand
   stamp_filter_ = std::make_unique<StampFilter>(
       params_.clock_jump_s,
       [this](const std::string& reason) { log_->drop("image stamp", withMissingClock(reason)); });
-  receiver_ = std::make_unique<ImageReceiver>(
-      handle, private_handle, params_, log_.get(),
-      [this](const sensor_msgs::ImageConstPtr& image) { onImage(image); },
-      [this] { scheduleProcessing(); });
-  if (!params_.readout_time_is_given && receiver_->camera()) {
-    params_.odometry.vo.readout_time = receiver_->camera()->readout_time;
+  input_ =
+      std::make_unique<CameraInput>(params_.image_is_rectified, params_.mask, params_.camera_file);
+  if (!params_.readout_time_is_given && input_->camera()) {
+    params_.odometry.vo.readout_time = input_->camera()->readout_time;
   }
+  log_->warnOfState(input_->warning());
+  image_transport::ImageTransport transport(handle);
+  subscribe(handle, private_handle, &transport);
   frame_publisher_ = handle.advertise<VoFrameMsg>("vo/frame", kPublishQueue);
   image_publisher_ = handle.advertise<sensor_msgs::Image>("vo/image", kPublishQueue);
   mask_publisher_ = handle.advertise<sensor_msgs::Image>("vo/mask", 1, true);
   odometry_publisher_ = handle.advertise<nav_msgs::Odometry>("vo/odometry", kPublishQueue);
   points_publisher_ = handle.advertise<sensor_msgs::PointCloud2>("vo/points", 1);
-  tracks_publisher_ = receiver_->transport().advertise("vo/image_tracks", 1);
+  tracks_publisher_ = transport.advertise("vo/image_tracks", 1);
   if (!params_.odometry.refine_camera) return;
   refined_camera_publisher_ =
       handle.advertise<sensor_msgs::CameraInfo>("refined_camera_info", 1, true);
   advertise(private_handle, "save_camera", [this] { return saveCamera(); });
+}
+
+/// image_transport: `compressed` is decoded by this class; `raw_or_compressed` subscribes to both,
+/// where only one of them is published; any other one but `raw` needs its plugin.
+void MonoVoNodelet::subscribe(ros::NodeHandle& handle, const ros::NodeHandle& private_handle,
+                              image_transport::ImageTransport* transport) {
+  if (params_.camera_file.empty()) {
+    camera_info_subscriber_ =
+        handle.subscribe("camera_info", kInputQueue, &MonoVoNodelet::onCameraInfo, this);
+  }
+  const std::string& name = params_.image_transport;
+  const bool is_either = name == "raw_or_compressed";
+  const image_transport::TransportHints hints(is_either ? "raw" : name,
+                                              ros::TransportHints().tcpNoDelay(), private_handle,
+                                              is_either ? "no_parameter" : "image_transport");
+  if (is_either || name == "compressed") {
+    compressed_subscriber_ =
+        handle.subscribe(handle.resolveName("image") + "/compressed", kInputQueue,
+                         &MonoVoNodelet::onCompressedImage, this, hints.getRosHints());
+    if (!is_either) return;
+  }
+  try {
+    image_subscriber_ =
+        transport->subscribe("image", kInputQueue, &MonoVoNodelet::onImage, this, hints);
+  } catch (const std::exception& error) {
+    throw OptionError("parameter image_transport is \"" + name +
+                      "\", which cannot be used: " + error.what());
+  }
 }
 
 std::string MonoVoNodelet::reset() {
@@ -127,7 +177,34 @@ std::string MonoVoNodelet::saveCamera() const {
   return "written to " + params_.refined_camera_file;
 }
 
+void MonoVoNodelet::onCameraInfo(const sensor_msgs::CameraInfoConstPtr& info) {
+  camera_info_error_.clear();
+  try {
+    input_->setCameraInfo(*info, camera_info_subscriber_.getTopic(), imageTopic());
+  } catch (const DataError& error) {
+    camera_info_error_ = error.what();
+    log_->drop("camera_info refused", camera_info_error_, camera_info_error_ == sourceError());
+    return;
+  }
+  log_->warnOfState(input_->warning());
+  scheduleProcessing();
+}
+
+void MonoVoNodelet::onCompressedImage(const sensor_msgs::CompressedImageConstPtr& compressed) {
+  countInput();
+  try {
+    store(decode(*compressed));
+  } catch (const DataError& error) {
+    log_->drop("image refused", error.what());
+  }
+}
+
 void MonoVoNodelet::onImage(const sensor_msgs::ImageConstPtr& image) {
+  countInput();
+  store(image);
+}
+
+void MonoVoNodelet::store(const sensor_msgs::ImageConstPtr& image) {
   if (images_.size() == static_cast<std::size_t>(params_.queue_size)) {
     images_.pop_front();
     ++dropped_from_queue_;
@@ -137,7 +214,7 @@ void MonoVoNodelet::onImage(const sensor_msgs::ImageConstPtr& image) {
 }
 
 void MonoVoNodelet::scheduleProcessing() {
-  if (processing_scheduled_ || images_.empty() || !receiver_->camera()) return;
+  if (processing_scheduled_ || images_.empty() || !input_->camera()) return;
   processing_scheduled_ = true;
   post([this] {
     processing_scheduled_ = false;
@@ -153,39 +230,53 @@ void MonoVoNodelet::scheduleProcessing() {
 void MonoVoNodelet::processOldest() {
   const sensor_msgs::ImageConstPtr image = images_.front();
   images_.pop_front();
-  const GreyImage grey{image, receiver_->grey(*image), receiver_->camera()};
-  if (grey.grey.empty()) return;
-  stamp_filter_->add(toNanoseconds(image->header.stamp), [=](bool clock_jumped_back) {
+  const cv::Mat grey = greyOf(*image);
+  if (grey.empty()) return;
+  const auto process_image = [=, camera = input_->camera()](bool clock_jumped_back) {
     const Stopwatch watch;  // an image may have been held since it arrived
-    process(grey, clock_jumped_back);
+    process(*image, grey, camera, clock_jumped_back);
     countFrame(watch);
-  });
+  };
+  stamp_filter_->add(toNanoseconds(image->header.stamp), process_image);
 }
 
-void MonoVoNodelet::process(const GreyImage& image, bool clock_jumped_back) {
-  std_msgs::Header header = image.message->header;
+cv::Mat MonoVoNodelet::greyOf(const sensor_msgs::Image& image) {
+  cv::Mat grey;
+  try {
+    grey = input_->grey(image);
+  } catch (const std::exception& error) {
+    log_->drop("image refused", error.what());
+    return {};
+  }
+  if (sources_.accepts(image.header.frame_id)) return grey;
+  log_->drop("image of another camera", sourceError(), true);
+  return {};
+}
+
+void MonoVoNodelet::process(const sensor_msgs::Image& image, const cv::Mat& grey,
+                            const Camera& camera, bool clock_jumped_back) {
+  std_msgs::Header header = image.header;
   header.frame_id = tfFrame(header.frame_id, "frame_id of the images");
-  startOdometry(image, clock_jumped_back);
+  startOdometry(camera, clock_jumped_back);
   const SelfCalibratingOdometry::Output output =
-      odometry_->process(image.grey, toNanoseconds(header.stamp));
+      odometry_->process(grey, toNanoseconds(header.stamp));
   publish(output, header);
   last_frame_ = output.frame;
 }
 
-void MonoVoNodelet::startOdometry(const GreyImage& image, bool clock_jumped_back) {
+void MonoVoNodelet::startOdometry(const Camera& camera, bool clock_jumped_back) {
   std::string reason;
   if (clock_jumped_back) {
     reason = "the clock jumped back";
-  } else if (image.camera != odometry_camera_ && odometry_camera_) {
-    reason = "camera_info on topic " + receiver_->cameraInfoTopic() + " changed from " +
-             odometry_camera_->describe() + " to " + image.camera->describe();
+  } else if (camera != odometry_camera_ && odometry_camera_) {
+    reason = "camera_info on topic " + camera_info_subscriber_.getTopic() + " changed from " +
+             odometry_camera_->describe() + " to " + camera->describe();
   }
   if (odometry_ && reason.empty()) return;
   if (odometry_) NODELET_WARN_STREAM(getName() << ": the odometry is reset: " << reason);
   reset();
-  odometry_ =
-      std::make_unique<SelfCalibratingOdometry>(*image.camera, params_.odometry, receiver_->mask());
-  odometry_camera_ = image.camera;
+  odometry_ = std::make_unique<SelfCalibratingOdometry>(*camera, params_.odometry, input_->mask());
+  odometry_camera_ = camera;
   painter_ = TrackPainter();
 }
 
@@ -207,7 +298,7 @@ void MonoVoNodelet::publish(const SelfCalibratingOdometry::Output& output,
     odometry_publisher_.publish(toOdometryMsg(frame, header, params_.world_frame));
   }
   if (points_publisher_.getNumSubscribers() > 0) {
-    points_publisher_.publish(toPointCloud(frame, header));
+    points_publisher_.publish(toPointCloud(frame, header, 1));
   }
   if (tracks_publisher_.getNumSubscribers() > 0) {
     tracks_publisher_.publish(painter_.paint(output.image, frame, output.rejected, header));
@@ -228,21 +319,43 @@ void MonoVoNodelet::publishLens(const std_msgs::Header& header) {
                                 << "), k2 " << lens.k2);
 }
 
-void MonoVoNodelet::describe(StageState* state,
-                             diagnostic_updater::DiagnosticStatusWrapper& values) {
-  receiver_->describe(state);
-  state->input = "image";
-  state->inputs = "images";
-  state->dropped = dropped_from_queue_ + log_->dropped("image ");
-  state->stage = summarize(last_frame_ ? std::optional(last_frame_->status) : std::nullopt);
+std::string MonoVoNodelet::imageTopic() const {
+  return !image_subscriber_ || compressed_subscriber_.getNumPublishers() > 0
+             ? compressed_subscriber_.getTopic()
+             : image_subscriber_.getTopic();
+}
+
+std::string MonoVoNodelet::sourceError() const {
+  if (!sources_.refused()) return input_->calibrationError();
+  return "two cameras publish on " + imageTopic() + ": images with the frame_id \"" +
+         sources_.current() + "\" are used, those with \"" + *sources_.refused() + "\" are not";
+}
+
+StageNodelet::State MonoVoNodelet::describe(Diagnostics& status) {
   const VoFrame frame = last_frame_.value_or(VoFrame());
-  values.add("images received", receiver_->received());
-  values.add("images processed", processed());
-  values.add("images dropped, queue full", dropped_from_queue_);
-  values.add("map_id", frame.map_id);
-  values.add("features", frame.features.size());
-  values.add("map points", std::count_if(frame.features.begin(), frame.features.end(),
+  constexpr std::uint8_t kLevels[] = {DiagnosticStatus::WARN, DiagnosticStatus::OK,
+                                      DiagnosticStatus::ERROR};  // as VoStatus
+  status.summary(kLevels[static_cast<std::size_t>(frame.status)], toString(frame.status));
+  status.add("images received", received());
+  status.add("images processed", processed());
+  status.add("images dropped, queue full", dropped_from_queue_);
+  status.add("map_id", frame.map_id);
+  status.add("features", frame.features.size());
+  status.add("map points", std::count_if(frame.features.begin(), frame.features.end(),
                                          [](const TrackedFeature& f) { return f.has_point; }));
+  State state;
+  state.dropped = dropped_from_queue_ + log_->dropped("image ");
+  if (!input_->camera() && !camera_info_error_.empty()) {
+    state.errors = {camera_info_error_};
+    return state;
+  }
+  state.missing = missingInput(imageTopic());
+  if (state.missing.empty() && !input_->camera()) {
+    state.missing = "no camera_info received yet on " + camera_info_subscriber_.getTopic();
+  }
+  state.errors = {sourceError()};
+  state.warnings = {camera_info_error_, input_->warning()};
+  return state;
 }
 
 }  // namespace ground_scale_vo

@@ -1,6 +1,5 @@
 #include "ros/odometry_output.hpp"
 
-#include <nav_msgs/Path.h>
 #include <tf2_eigen/tf2_eigen.h>
 
 #include <algorithm>
@@ -8,15 +7,12 @@
 #include <cmath>
 #include <utility>
 
+#include "common/time.hpp"
 #include "ground_scale_vo/common/se3.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
 
 namespace ground_scale_vo {
 namespace {
-
-/// First element of a covariance without an estimate, as sensor_msgs/Imu defines it; nav_msgs and
-/// geometry_msgs define none.
-constexpr double kUnknown = -1;
 
 /// [m] least spacing of a path after a thinning: an initial spacing may be zero.
 constexpr double kMinDoubledSpacing = 0.1;
@@ -50,23 +46,6 @@ void setCovariance(const Matrix6d& J, const Matrix6d& covariance, Array& array) 
 }
 
 }  // namespace
-
-nav_msgs::Odometry::Ptr toOdometryMsg(const VoFrame& frame, const std_msgs::Header& image_header,
-                                      const std::string& world_frame) {
-  auto msg = boost::make_shared<nav_msgs::Odometry>();
-  msg->header.stamp = image_header.stamp;
-  msg->header.frame_id = world_frame;
-  msg->child_frame_id = image_header.frame_id;
-  msg->pose.pose = tf2::toMsg(frame.T_w_c);
-  if (frame.pose_covariance.isZero(0)) {
-    msg->pose.covariance[0] = kUnknown;
-  } else {
-    setCovariance(twistTransform(frame.T_w_c.linear(), Eigen::Vector3d::Zero()),
-                  frame.pose_covariance, msg->pose.covariance);
-  }
-  msg->twist.covariance[0] = kUnknown;
-  return msg;
-}
 
 Eigen::Matrix3d bodyFromOptical() {
   Eigen::Matrix3d R;
@@ -114,19 +93,21 @@ geometry_msgs::TransformStamped toTransformMsg(const nav_msgs::Odometry& odometr
   return transform;
 }
 
-bool BoundedPath::add(const geometry_msgs::PoseStamped& pose) {
-  const auto& p = pose.pose.position;
-  if (!poses_.empty()) {
-    const auto& last = poses_.back().pose.position;
+bool BoundedPath::add(const nav_msgs::Odometry& odometry) {
+  auto& poses = path_.poses;
+  const auto& p = odometry.pose.pose.position;
+  if (!poses.empty()) {
+    const auto& last = poses.back().pose.position;
     if (std::hypot(p.x - last.x, p.y - last.y, p.z - last.z) < spacing_m_) return false;
   }
-  if (poses_.size() == max_poses_) {
-    std::size_t kept = 0;
-    for (std::size_t i = 0; i < poses_.size(); i += 2) poses_[kept++] = poses_[i];
-    poses_.resize(kept);
+  if (poses.size() == max_poses_) {
+    for (std::size_t i = 0; 2 * i < poses.size(); ++i) poses[i] = poses[2 * i];
+    poses.resize((poses.size() + 1) / 2);
     spacing_m_ = std::max(2.0 * spacing_m_, kMinDoubledSpacing);
   }
-  poses_.push_back(pose);
+  poses.emplace_back();
+  poses.back().header = path_.header = odometry.header;
+  poses.back().pose = odometry.pose.pose;
   return true;
 }
 
@@ -163,12 +144,13 @@ OdometryOutput::OdometryOutput(ros::NodeHandle& handle, const ScaleRecoveryParam
                                WarningLog* log)
     : params_(params),
       log_(log),
-      path_(static_cast<std::size_t>(params.path_max_poses), params.path_spacing_m) {
+      path_(params.path_max_poses, params.path_spacing_m, params.odom_frame) {
   odometry_publisher_ = handle.advertise<nav_msgs::Odometry>("odometry", kPublishQueue);
   // Latched. It is published only while it has subscribers, so the latched message may be old: each
   // new subscriber causes a new one.
   path_publisher_ = handle.advertise<nav_msgs::Path>(
-      "path", 1, [this](const ros::SingleSubscriberPublisher&) { publishPath(); },
+      "path", 1,
+      [this](const ros::SingleSubscriberPublisher&) { path_publisher_.publish(path_.message()); },
       ros::SubscriberStatusCallback(), ros::VoidConstPtr(), true);
   if (!params_.base_frame.empty()) {
     tf_buffer_ = std::make_unique<tf2_ros::Buffer>();
@@ -191,7 +173,7 @@ void OdometryOutput::restart(bool first_pose_is_zero) {
   next_pose_is_zero_ = first_pose_is_zero;
   latest_clock_ = ros::Time();
   path_.clear();
-  publishPath();
+  path_publisher_.publish(path_.message());
 }
 
 void OdometryOutput::publish(const std::optional<MetricPose>& pose, const std_msgs::Header& image) {
@@ -208,10 +190,9 @@ void OdometryOutput::publish(const std::optional<MetricPose>& pose, const std_ms
   } else if (tf_broadcaster_ && !isOfLastPass(image.stamp)) {
     tf_broadcaster_->sendTransform(toTransformMsg(*odometry));
   }
-  geometry_msgs::PoseStamped stamped;
-  stamped.header = odometry->header;
-  stamped.pose = odometry->pose.pose;
-  if (path_.add(stamped) && path_publisher_.getNumSubscribers() > 0) publishPath();
+  if (path_.add(*odometry) && path_publisher_.getNumSubscribers() > 0) {
+    path_publisher_.publish(path_.message());
+  }
 }
 
 /// Sets tf_frames_ for this image. False while tf lacks the mounting or the frame_id is empty.
@@ -245,7 +226,7 @@ bool OdometryOutput::findFrames(const std_msgs::Header& image) {
 }
 
 /// Pose of the camera in base_frame, from tf: at the stamp with moving_mount, else the latest one.
-/// Throws tf2::TransformException or MessageError.
+/// Throws tf2::TransformException or DataError.
 Eigen::Isometry3d OdometryOutput::lookUpMounting(const std_msgs::Header& image) const {
   const ros::Time stamp = params_.moving_mount ? image.stamp : ros::Time(0);
   // In wall time: the timeout of tf2 never ends while the clock of a bag is stopped.
@@ -266,14 +247,6 @@ bool OdometryOutput::isOfLastPass(const ros::Time& stamp) {
   // Not by the stamp alone: the stamps in a bag may always be ahead of its clock.
   const double jump_s = params_.clock_jump_s;
   return (latest_clock_ - now).toSec() > jump_s && (stamp - now).toSec() > jump_s;
-}
-
-void OdometryOutput::publishPath() {
-  auto path = boost::make_shared<nav_msgs::Path>();
-  path->header.frame_id = params_.odom_frame;
-  path->poses = path_.poses();
-  if (!path->poses.empty()) path->header.stamp = path->poses.back().header.stamp;
-  path_publisher_.publish(path);
 }
 
 std::string OdometryOutput::otherParentError() const {

@@ -1,8 +1,8 @@
 #pragma once
 
-#include <geometry_msgs/PoseStamped.h>
 #include <geometry_msgs/TransformStamped.h>
 #include <nav_msgs/Odometry.h>
+#include <nav_msgs/Path.h>
 #include <ros/ros.h>
 #include <std_msgs/Header.h>
 #include <tf2_msgs/TFMessage.h>
@@ -12,8 +12,6 @@
 
 #include <Eigen/Geometry>
 #include <chrono>
-#include <cstddef>
-#include <cstdint>
 #include <map>
 #include <memory>
 #include <optional>
@@ -21,22 +19,11 @@
 #include <vector>
 
 #include "ground_scale_vo/scale/metric_pose.hpp"
-#include "ground_scale_vo/vo/vo_frame.hpp"
 #include "ros/diagnostics.hpp"
 #include "ros/params.hpp"
 
-// The poses as messages and on tf.
+// The metric poses as messages and on tf.
 namespace ground_scale_vo {
-
-/// [messages] that wait for a slow subscriber of a topic with one message per image: ten seconds of
-/// a 10 Hz camera.
-constexpr std::uint32_t kPublishQueue = 100;
-
-/// The up-to-scale pose of a tracked frame in world_frame, with its pose_covariance turned to the
-/// axes of that frame. A covariance that is not known, as that of the twist, has -1 as its first
-/// element.
-nav_msgs::Odometry::Ptr toOdometryMsg(const VoFrame& frame, const std_msgs::Header& image_header,
-                                      const std::string& world_frame);
 
 /// Rotation from optical axes (x right, y down, z forward) to body axes (x forward, y left, z up).
 Eigen::Matrix3d bodyFromOptical();
@@ -76,23 +63,27 @@ geometry_msgs::TransformStamped toTransformMsg(const nav_msgs::Odometry& odometr
 /// doubles the spacing.
 class BoundedPath {
  public:
-  /// Preconditions: max_poses >= 2, spacing_m >= 0.
-  BoundedPath(std::size_t max_poses, double spacing_m)
-      : max_poses_(max_poses), initial_spacing_m_(spacing_m), spacing_m_(spacing_m) {}
+  /// frame: of the poses. Preconditions: max_poses >= 2, spacing_m >= 0.
+  BoundedPath(int max_poses, double spacing_m, const std::string& frame = {})
+      : max_poses_(static_cast<std::size_t>(max_poses)),
+        initial_spacing_m_(spacing_m),
+        spacing_m_(spacing_m) {
+    path_.header.frame_id = frame;
+  }
 
   /// True if the pose was added.
-  bool add(const geometry_msgs::PoseStamped& pose);
+  bool add(const nav_msgs::Odometry& odometry);
   void clear() {
-    poses_.clear();
+    path_.poses.clear();
     spacing_m_ = initial_spacing_m_;
   }
-  const std::vector<geometry_msgs::PoseStamped>& poses() const { return poses_; }
+  const nav_msgs::Path& message() const { return path_; }
 
  private:
   const std::size_t max_poses_;
   const double initial_spacing_m_;
   double spacing_m_;
-  std::vector<geometry_msgs::PoseStamped> poses_;
+  nav_msgs::Path path_;
 };
 
 /// The parents of tf frames, to find out whether a frame that is to be broadcast has another one
@@ -141,7 +132,6 @@ class OdometryOutput {
   bool findFrames(const std_msgs::Header& image);
   Eigen::Isometry3d lookUpMounting(const std_msgs::Header& image) const;
   bool isOfLastPass(const ros::Time& stamp);
-  void publishPath();
 
   const ScaleRecoveryParams params_;
   WarningLog* const log_;

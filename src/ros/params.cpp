@@ -1,10 +1,8 @@
 #include "ros/params.hpp"
 
 #include <algorithm>
-#include <cstddef>
 #include <cstdlib>
 #include <map>
-#include <stdexcept>
 #include <utility>
 
 #include "common/text.hpp"
@@ -71,19 +69,12 @@ const std::vector<std::string> kScaleRecoveryOptions = {
 };
 
 /// Declares these options of all stages, and any other one that is given, as in config/paper.yaml.
-/// Throws std::logic_error if the core has no option of a
-/// listed name.
 template <typename Options>
 void declareOptions(ParamReader& reader, Options& options, const std::vector<std::string>& names) {
-  std::size_t declared = 0;
   visitAllParameters(options, [&](const std::string& name, auto& field, auto... rest) {
     const bool is_listed = std::find(names.begin(), names.end(), name) != names.end();
     if (is_listed || reader.isGiven(name)) reader.declare(name, field, rest...);
-    declared += is_listed ? 1 : 0;
   });
-  if (declared != names.size()) {
-    throw std::logic_error("the list of ROS parameters names an option that does not exist");
-  }
 }
 
 void declareClockJump(ParamReader& reader, double& clock_jump_s) {
@@ -150,9 +141,13 @@ std::vector<std::string> ParamReader::warnings() const {
   return sentences;
 }
 
-std::string ParamReader::echo(const Entry& entry) {
-  return entry.name + " = " + entry.value + "  " + entry.meaning + ", " + entry.range +
-         (entry.given ? "" : " (default)");
+std::string ParamReader::echo() const {
+  std::string lines;
+  for (const Entry& entry : entries_) {
+    lines += "\n  " + entry.name + " = " + entry.value + "  " + entry.meaning + ", " + entry.range +
+             (entry.given ? "" : " (default)");
+  }
+  return lines;
 }
 
 MonoVoParams MonoVoParams::read(ParamReader& reader) {
@@ -180,9 +175,7 @@ MonoVoParams MonoVoParams::read(ParamReader& reader) {
                      "camera_file at the next start");
   params.odometry.refinement.deterministic = false;
   declareOptions(reader, params.odometry, kMonoVoOptions);
-  params.readout_time_is_given =
-      std::any_of(reader.entries().begin(), reader.entries().end(),
-                  [](const auto& entry) { return entry.name == kReadoutTime && entry.given; });
+  params.readout_time_is_given = reader.isGiven(kReadoutTime);
   return params;
 }
 

@@ -2,6 +2,7 @@
 
 #include <xmlrpcpp/XmlRpcValue.h>
 
+#include <cstdint>
 #include <map>
 #include <string>
 #include <vector>
@@ -11,6 +12,10 @@
 #include "ground_scale_vo/self_calibrating_odometry.hpp"
 
 namespace ground_scale_vo {
+
+/// [messages] that wait for a slow subscriber of a topic with one message per image: ten seconds of
+/// a 10 Hz camera.
+constexpr std::uint32_t kPublishQueue = 100;
 
 /// Reads the ROS parameters under one namespace into fields. Each parameter is declared once, with
 /// its field (whose value is the default), its range and a text "[unit] meaning"; the list of known
@@ -50,12 +55,12 @@ class ParamReader {
   /// declared, with the most similar known name.
   std::vector<std::string> warnings() const;
 
-  /// All declared parameters, in order.
   bool isGiven(const std::string& name) const { return find(name) != nullptr; }
+  /// All declared parameters, in order.
   const std::vector<Entry>& entries() const { return entries_; }
-  /// "name = value  [unit] meaning, range" of an entry, and " (default)" if it is not set, for the
-  /// log.
-  static std::string echo(const Entry& entry);
+  /// For the log, a line for each: "name = value  [unit] meaning, range", and " (default)" if it is
+  /// not set.
+  std::string echo() const;
 
  private:
   static std::string textOf(double value);

@@ -7,6 +7,8 @@
 #include <cmath>
 #include <limits>
 
+#include "ground_scale_vo/common/error.hpp"
+
 namespace ground_scale_vo {
 namespace {
 
@@ -34,11 +36,11 @@ nav_msgs::Odometry velocityOf(const topic_tools::ShapeShifter& message) {
       return velocity;
     }
   } catch (const ros::Exception& error) {  // another definition of the type, or truncated
-    throw MessageError(std::string("cannot be read: ") + error.what());
+    throw DataError(std::string("cannot be read: ") + error.what());
   }
-  throw MessageError("has the type " + message.getDataType() +
-                     ", accepted are nav_msgs/Odometry, geometry_msgs/TwistStamped and "
-                     "geometry_msgs/TwistWithCovarianceStamped");
+  throw DataError("has the type " + message.getDataType() +
+                  ", accepted are nav_msgs/Odometry, geometry_msgs/TwistStamped and "
+                  "geometry_msgs/TwistWithCovarianceStamped");
 }
 
 double finiteOrZero(double value) { return std::isfinite(value) ? value : 0; }
@@ -103,19 +105,19 @@ void FrameContinuity::numberMap(VoFrame& frame) {
   }
 }
 
-SpeedSample SpeedReader::read(const topic_tools::ShapeShifter& message) {
+SpeedSample readSpeed(const topic_tools::ShapeShifter& message, bool* has_vehicle_axes) {
   const nav_msgs::Odometry velocity = velocityOf(message);
   const ros::Time stamp = velocity.header.stamp;
-  if (stamp.isZero()) throw MessageError("has a stamp of zero, so its time is not known");
+  if (stamp.isZero()) throw DataError("has a stamp of zero, so its time is not known");
   const geometry_msgs::Vector3& linear = velocity.twist.twist.linear;
   const double x = linear.x;
-  if (!std::isfinite(x)) throw MessageError("is not finite");
+  if (!std::isfinite(x)) throw DataError("is not finite");
   const double across = std::hypot(finiteOrZero(linear.y), finiteOrZero(linear.z));
   const double norm = std::hypot(x, across);
-  if (norm > kMinDirectionSpeed && across > std::abs(x)) has_vehicle_axes_ = false;
+  if (norm > kMinDirectionSpeed && across > std::abs(x)) *has_vehicle_axes = false;
   const double variance = velocity.twist.covariance[0];
   const bool has_variance = variance > 0 && variance <= kMaxVariance;
-  return {toNanoseconds(stamp), has_vehicle_axes_ ? std::copysign(norm, x) : norm,
+  return {toNanoseconds(stamp), *has_vehicle_axes ? std::copysign(norm, x) : norm,
           has_variance ? std::sqrt(variance) : 0};
 }
 

@@ -142,22 +142,14 @@ class FrameImageSynchronizer {
   bool images_arrive_ = false;  ///< false: frames do not wait for images
 };
 
-/// Converts the messages of the topic `speed`, whose type is found at run time. The speed is the
+/// Converts a message of the topic `speed`, whose type is found at run time. The speed is the
 /// length of twist.linear with the sign of x: negative is backwards. Once a velocity is not along
-/// x, as that of a GPS in east, north and up, speeds are positive.
-class SpeedReader {
- public:
-  /// A variance (twist.covariance[0]) that is not positive, not finite or above 100 m^2/s^2 is not
-  /// known: sigma is 0. Components y and z that are not finite count as 0. Throws MessageError,
-  /// whose sentence continues "speed on TOPIC": a type without a speed, a stamp of zero, an x that
-  /// is not finite.
-  SpeedSample read(const topic_tools::ShapeShifter& message);
-
-  /// False: a velocity was not along x.
-  bool hasVehicleAxes() const { return has_vehicle_axes_; }
-
- private:
-  bool has_vehicle_axes_ = true;
-};
+/// x, as that of a GPS in east, north and up, speeds are positive: *has_vehicle_axes is false then.
+///
+/// A variance (twist.covariance[0]) that is not positive, not finite or above 100 m^2/s^2 is not
+/// known: sigma is 0. Components y and z that are not finite count as 0. Throws DataError, whose
+/// sentence continues "speed on TOPIC": a type without a speed, a stamp of zero, an x that is not
+/// finite.
+SpeedSample readSpeed(const topic_tools::ShapeShifter& message, bool* has_vehicle_axes);
 
 }  // namespace ground_scale_vo

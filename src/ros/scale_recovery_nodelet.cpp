@@ -3,9 +3,7 @@
 #include <visualization_msgs/Marker.h>
 
 #include <algorithm>
-#include <chrono>
 #include <exception>
-#include <iterator>
 #include <memory>
 #include <opencv2/core.hpp>
 #include <optional>
@@ -40,10 +38,6 @@ std::uint32_t imageBuffer(const ScaleRecoveryParams& params) {
   return static_cast<std::uint32_t>(std::max(kMinImageBuffer, params.queue_size + kImageMargin));
 }
 
-bool isSameMask(const cv::Mat& a, const cv::Mat& b) {
-  return a.size() == b.size() && (a.empty() || cv::countNonZero(a != b) == 0);
-}
-
 }  // namespace
 
 /// vo/frame, the image on which its odometry worked (vo/image, vo/mask), and speed if used ->
@@ -54,7 +48,7 @@ bool isSameMask(const cv::Mat& a, const cv::Mat& b) {
 /// only feature-based measurements are made. tf2_ros::TransformListener has a thread of its own.
 class ScaleRecoveryNodelet : public StageNodelet {
  public:
-  ScaleRecoveryNodelet() : StageNodelet("scale") {}
+  ScaleRecoveryNodelet() : StageNodelet("scale", "vo/frame", "frames") {}
   ~ScaleRecoveryNodelet() override { stopCallbacks(); }
 
  private:
@@ -67,7 +61,7 @@ class ScaleRecoveryNodelet : public StageNodelet {
 
   void start(ros::NodeHandle& handle, ros::NodeHandle& private_handle) override;
   std::string reset() override;
-  void describe(StageState* state, diagnostic_updater::DiagnosticStatusWrapper& values) override;
+  State describe(Diagnostics& status) override;
 
   void subscribeToImages(ros::NodeHandle& handle);
   void onImage(const sensor_msgs::ImageConstPtr& image);
@@ -77,7 +71,7 @@ class ScaleRecoveryNodelet : public StageNodelet {
   /// Processes the frames that do not wait for their image; all of them unless they may_wait.
   void processReady(bool may_wait = true);
   void process(ReceivedFrame received, const sensor_msgs::ImageConstPtr& image);
-  /// Grey, with the mask of its stamp. Empty if there is none, or it cannot be used.
+  /// Grey, with the mask. Empty if there is none, or it cannot be used.
   CameraImage imageOf(const VoFrame& frame, const sensor_msgs::ImageConstPtr& image);
   /// Forgets what was published and reported of the trajectory; recovery_ restarts by itself, with
   /// the next frame.
@@ -98,17 +92,15 @@ class ScaleRecoveryNodelet : public StageNodelet {
   std::unique_ptr<Synchronizer> synchronizer_;
   ros::Subscriber image_subscriber_, mask_subscriber_;  ///< with refine
   GreyConverter grey_converter_;
-  cv::Mat mask_, mask_before_;      ///< empty: none
-  std::int64_t mask_stamp_ns_ = 0;  ///< mask_before_ is that of earlier images
+  cv::Mat mask_;  ///< empty: none
   ros::WallTimer waiting_timer_;
   ros::Subscriber frame_subscriber_;
-  InputWatch frame_watch_{"vo/frame"};
   std::unique_ptr<StampFilter> stamp_filter_;
   FrameContinuity continuity_;
   Continuity unprocessed_ = Continuity::kSameMap;  ///< of the last frame, if its processing failed
   ros::Subscriber speed_subscriber_;               ///< with use_speed
-  InputWatch speed_watch_{"speed"};
-  SpeedReader speed_reader_;
+  std::uint64_t speeds_received_ = 0;
+  bool speeds_have_vehicle_axes_ = true;
   std::string speed_error_;  ///< why the newest speed was refused; empty: it was not
   std::optional<std::int64_t> newest_speed_ns_;
 
@@ -132,8 +124,7 @@ class ScaleRecoveryNodelet : public StageNodelet {
   };
   Report report_;
   std::uint64_t with_image_ = 0, with_direct_ = 0;  ///< frames
-  std::uint64_t diagnosed_processed_ = 0, diagnosed_with_image_ = 0;
-  bool last_frame_had_image_ = false;
+  bool last_frame_had_image_ = false;               ///< or images are not used
 };
 
 void ScaleRecoveryNodelet::start(ros::NodeHandle& handle, ros::NodeHandle& private_handle) {
@@ -187,25 +178,17 @@ void ScaleRecoveryNodelet::onImage(const sensor_msgs::ImageConstPtr& image) {
 }
 
 void ScaleRecoveryNodelet::onMask(const sensor_msgs::ImageConstPtr& message) {
-  const std::int64_t stamp_ns = toNanoseconds(message->header.stamp);
-  cv::Mat mask;
   try {
-    mask = GreyConverter().convert(fromMsg(*message)).clone();
+    mask_ = GreyConverter().convert(fromMsg(*message)).clone();
   } catch (const DataError& error) {
     log_->drop("mask refused", error.what());
     return;
   }
-  if (cv::countNonZero(mask) == mask.size().area()) mask.release();
-  if (isSameMask(mask, mask_)) {
-    mask_stamp_ns_ = std::min(mask_stamp_ns_, stamp_ns);  // as in the next pass of a bag
-    return;
-  }
-  mask_before_ = std::exchange(mask_, mask);
-  mask_stamp_ns_ = stamp_ns;
+  if (cv::countNonZero(mask_) == mask_.size().area()) mask_.release();
 }
 
 void ScaleRecoveryNodelet::onFrame(const VoFrameMsg::ConstPtr& msg) {
-  frame_watch_.count();
+  countInput();
   continuity_.receive(msg->sequence);
   if (!continuity_.sequenceError().empty()) log_->warn("sequence", continuity_.sequenceError());
   ReceivedFrame received;
@@ -213,7 +196,7 @@ void ScaleRecoveryNodelet::onFrame(const VoFrameMsg::ConstPtr& msg) {
   received.header.frame_id = tfFrame(msg->header.frame_id, "frame_id of vo/frame");
   try {
     received.vo = fromMsg(*msg);
-  } catch (const MessageError& error) {
+  } catch (const DataError& error) {
     log_->drop("frame refused", error.what());
     return;
   }
@@ -235,13 +218,13 @@ void ScaleRecoveryNodelet::onFrame(const VoFrameMsg::ConstPtr& msg) {
 }
 
 void ScaleRecoveryNodelet::onSpeed(const topic_tools::ShapeShifter::ConstPtr& message) {
-  speed_watch_.count();
+  ++speeds_received_;
   speed_error_.clear();
   try {
-    const SpeedSample speed = speed_reader_.read(*message);
+    const SpeedSample speed = readSpeed(*message, &speeds_have_vehicle_axes_);
     recovery_->addSpeed(speed);
     newest_speed_ns_ = speed.stamp_ns;
-  } catch (const MessageError& error) {
+  } catch (const DataError& error) {
     speed_error_ = "speed on " + speed_subscriber_.getTopic() + " " + error.what();
     log_->drop("speed refused", withMissingClock(speed_error_), true);
   }
@@ -281,7 +264,7 @@ CameraImage ScaleRecoveryNodelet::imageOf(const VoFrame& frame,
   if (!message) return {};
   CameraImage image;
   image.camera = frame.camera;
-  image.mask = frame.stamp_ns < mask_stamp_ns_ ? mask_before_ : mask_;
+  image.mask = mask_;
   try {
     image.grey = grey_converter_.convert(fromMsg(*message));
     requireImage(image.grey, frame.camera);
@@ -305,9 +288,8 @@ void ScaleRecoveryNodelet::publish(const ScaleRecovery::Output& output, const Vo
     points_publisher_.publish(toPointCloud(frame, header, output.scale.scale));
   }
   if (ground_points_publisher_.getNumSubscribers() > 0) {
-    std::vector<Eigen::Vector3f> metric = output.ground_points_c;
-    for (Eigen::Vector3f& point : metric) point *= static_cast<float>(output.scale.scale);
-    ground_points_publisher_.publish(toPointCloud(metric, header));
+    ground_points_publisher_.publish(
+        toPointCloud(output.ground_points_c, header, output.scale.scale));
   }
   if (ground_plane_publisher_.getNumSubscribers() > 0 && hasGroundPlane(output.scale)) {
     ground_plane_publisher_.publish(toPlaneMarker(output.scale, header));
@@ -316,34 +298,26 @@ void ScaleRecoveryNodelet::publish(const ScaleRecovery::Output& output, const Vo
 
 void ScaleRecoveryNodelet::check(const ScaleRecovery::Output& output, const VoFrame& frame) {
   report_.turn_axis.add(frame);
-  std::optional<MountingOnTf> on_tf;
-  const auto& tf_frames = output_->frames();
-  if (tf_frames && tf_frames->base_frame != continuity_.cameraFrame() && !params_.moving_mount) {
-    on_tf = MountingOnTf{tf_frames->base_frame, continuity_.cameraFrame(),
-                         tf_frames->T_c_b.linear() * Eigen::Vector3d::UnitZ()};
-  }
-  report_.warnings = {mountingWarning(output, report_.turn_axis.upward(), on_tf),
+  const auto& tf = output_->frames();
+  const bool is_mounted =
+      tf && tf->base_frame != continuity_.cameraFrame() && !params_.moving_mount;
+  report_.warnings = {mountingWarning(output, report_.turn_axis.upward(),
+                                      is_mounted ? &*tf : nullptr, continuity_.cameraFrame()),
                       output.speed_warning};
   if (params_.scale.use_speed && !newest_speed_ns_) {
     report_.warnings.back() =
         speed_error_.empty() ? "no speed received yet on " + speed_subscriber_.getTopic() : "";
   }
-  if (!speed_reader_.hasVehicleAxes()) {
+  if (!speeds_have_vehicle_axes_) {
     report_.warnings.push_back("the velocity on " + speed_subscriber_.getTopic() +
                                " is not along x, so its length without a sign is used");
   }
-  for (const std::string& warning : report_.warnings) {
-    // Its numbers change from frame to frame.
-    std::string kind;
-    std::remove_copy_if(warning.begin(), warning.end(), std::back_inserter(kind),
-                        [](char c) { return c >= '-' && c <= '9'; });
-    if (!kind.empty()) log_->warn(kind, warning, std::chrono::hours(1));
-  }
+  for (const std::string& warning : report_.warnings) log_->warnOfState(warning);
 }
 
 void ScaleRecoveryNodelet::record(ScaleRecovery::Output output, std::int64_t stamp_ns,
                                   bool has_image) {
-  last_frame_had_image_ = has_image;
+  last_frame_had_image_ = has_image || !params_.scale.refine;
   if (has_image) ++with_image_;
   if (output.direct.plane.height > 0) ++with_direct_;
   report_.stamp_ns = stamp_ns;
@@ -374,44 +348,40 @@ std::string ScaleRecoveryNodelet::imageState() const {
   return last_frame_had_image_ ? "used" : "no image of the last frame";
 }
 
-void ScaleRecoveryNodelet::describe(StageState* state,
-                                    diagnostic_updater::DiagnosticStatusWrapper& values) {
-  state->input = "vo/frame";
-  state->inputs = "frames";
-  state->dropped = continuity_.missing() + log_->dropped("frame ");
-  state->missing = frame_watch_.missing(frame_subscriber_.getTopic());
-  state->errors = {output_->mountingError(), output_->otherParentError(), speed_error_};
-  state->warnings = report_.warnings;
-  state->warnings.push_back(continuity_.sequenceError());
-  const bool has_frames = processed() > std::exchange(diagnosed_processed_, processed());
-  const bool has_images = with_image_ > std::exchange(diagnosed_with_image_, with_image_);
+StageNodelet::State ScaleRecoveryNodelet::describe(Diagnostics& status) {
   const ScaleEstimate& scale = report_.last.scale;
-  state->stage = summarize(
+  status.summary(summarize(
       scale, report_.held_since_ns ? secondsBetween(*report_.held_since_ns, report_.stamp_ns) : 0,
-      params_.scale.refine && has_frames && !has_images ? imageState() : "");
+      last_frame_had_image_ ? "" : imageState()));
 
-  values.add("frames processed", processed());
-  values.add("frames dropped, queue full", continuity_.missing());
-  values.add("images", imageState());
-  values.add("frames without an image", processed() - with_image_);
-  values.add("frames with a direct measurement", with_direct_);
-  values.add("scale status", toString(scale.status));
-  values.add("reason", toString(scale.measurement));
-  values.add("source", toString(scale.source));
-  values.add("scale [m / VO unit]", scale.scale);
-  values.add("sigma [m / VO unit]", scale.sigma);
+  status.add("frames processed", processed());
+  status.add("frames dropped, queue full", continuity_.missing());
+  status.add("images", imageState());
+  status.add("frames without an image", processed() - with_image_);
+  status.add("frames with a direct measurement", with_direct_);
+  status.add("scale status", toString(scale.status));
+  status.add("reason", toString(scale.measurement));
+  status.add("source", toString(scale.source));
+  status.add("scale [m / VO unit]", scale.scale);
+  status.add("sigma [m / VO unit]", scale.sigma);
   if (report_.measured_ns) {
-    values.add("age of the last measurement [s]",
+    status.add("age of the last measurement [s]",
                secondsBetween(*report_.measured_ns, report_.stamp_ns));
   }
-  values.add("distance [m]", report_.distance_m);
-  values.add("camera height [m]", scale.camera_height);
-  values.add("sigma of the camera height [m]", scale.camera_height_sigma);
-  if (!params_.scale.use_speed) return;
-  values.add("speeds received", speed_watch_.received());
+  status.add("distance [m]", report_.distance_m);
+  status.add("camera height [m]", scale.camera_height);
+  status.add("sigma of the camera height [m]", scale.camera_height_sigma);
+  if (params_.scale.use_speed) status.add("speeds received", speeds_received_);
   if (newest_speed_ns_) {
-    values.add("age of the newest speed [s]", secondsBetween(*newest_speed_ns_, report_.stamp_ns));
+    status.add("age of the newest speed [s]", secondsBetween(*newest_speed_ns_, report_.stamp_ns));
   }
+  State state;
+  state.dropped = continuity_.missing() + log_->dropped("frame ");
+  state.missing = missingInput(frame_subscriber_.getTopic());
+  state.errors = {output_->mountingError(), output_->otherParentError(), speed_error_};
+  state.warnings = report_.warnings;
+  state.warnings.push_back(continuity_.sequenceError());
+  return state;
 }
 
 }  // namespace ground_scale_vo

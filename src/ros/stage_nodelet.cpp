@@ -1,9 +1,11 @@
 #include "ros/stage_nodelet.hpp"
 
+#include <algorithm>
 #include <boost/make_shared.hpp>
 #include <exception>
 #include <utility>
 
+#include "common/text.hpp"
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
 
@@ -12,6 +14,7 @@ namespace {
 
 constexpr double kDiagnosticsPeriod = 1.0;  // [s] wall time
 constexpr double kStartup = 5.0;            // [s] a driver may start after the nodelets
+constexpr double kSilence = 5.0;  // [s] as rqt_runtime_monitor before it marks a node stale
 constexpr std::chrono::seconds kMissingInputPeriod(30);  // of the warnings in the log
 
 class Task : public ros::CallbackInterface {
@@ -27,6 +30,13 @@ class Task : public ros::CallbackInterface {
 };
 
 }  // namespace
+
+std::string withMissingClock(const std::string& sentence) {
+  if (!ros::Time::isSimTime() || !ros::Time::now().isZero()) return sentence;
+  return sentence + (sentence.empty() ? "" : "; ") +
+         "/use_sim_time is true, but no time was received on /clock: publish it, or for a live "
+         "camera set /use_sim_time to false and restart all nodes";
+}
 
 void StageNodelet::post(std::function<void()> task) {
   callbacks_.addCallback(boost::make_shared<Task>(std::move(task)));
@@ -69,11 +79,7 @@ void StageNodelet::advertise(ros::NodeHandle& private_handle, const std::string&
 }
 
 void StageNodelet::logParams(const ParamReader& reader) {
-  std::string echo;
-  for (const ParamReader::Entry& entry : reader.entries()) {
-    echo += "\n  " + ParamReader::echo(entry);
-  }
-  NODELET_INFO_STREAM(getName() << ": parameters" << echo);
+  NODELET_INFO_STREAM(getName() << ": parameters" << reader.echo());
   for (const std::string& sentence : reader.warnings()) {
     NODELET_WARN_STREAM(getName() << ": " << sentence);
   }
@@ -85,31 +91,57 @@ std::string StageNodelet::tfFrame(const std::string& name, const std::string& su
   return withoutLeadingSlashes(name);
 }
 
+void StageNodelet::countInput() {
+  ++received_;
+  since_received_ = Stopwatch();
+}
+
+std::string StageNodelet::missingInput(const std::string& topic) const {
+  if (received_ == 0) return "no " + input_ + " received yet on " + topic;
+  if (since_received_.seconds() < kSilence) return {};
+  return "no " + input_ + format(" for %.0f s on ", since_received_.seconds()) + topic;
+}
+
 void StageNodelet::countFrame(const Stopwatch& watch) {
   ++processed_;
   since_processed_.emplace();
   frame_ms_ = watch.ms();
 }
 
-void StageNodelet::diagnose(diagnostic_updater::DiagnosticStatusWrapper& status) {
+void StageNodelet::diagnose(Diagnostics& status) {
   const auto frames =
       static_cast<double>(processed_ - std::exchange(diagnosed_processed_, processed_));
   status.add("rate [Hz]", 1e3 * frames / since_diagnosis_.lapMs());
   status.add("time of the last frame [ms]", frame_ms_);
-  StageState state;
-  describe(&state, status);
+  State state = describe(status);
   for (const auto& [kind, count] : log_->dropped()) status.add("dropped: " + kind, count);
-
-  if (since_processed_) state.since_processed_s = since_processed_->seconds();
-  state.dropped -= std::exchange(diagnosed_dropped_, state.dropped);
-  if (state.missing.empty()) {
-    state.warnings.insert(state.warnings.begin(), missingClock());
-  } else {
-    state.missing = withMissingClock(state.missing);
-  }
+  if (!state.missing.empty()) state.missing = withMissingClock(state.missing);
   warnOfMissingInput(state.missing);
-  const DiagnosticStatus summary = summarize(state);
-  status.summary(static_cast<std::uint8_t>(summary.level), summary.message);
+  addToSummary(state, status);
+}
+
+void StageNodelet::addToSummary(const State& state, Diagnostics& status) {
+  const std::uint64_t dropped = state.dropped - std::exchange(diagnosed_dropped_, state.dropped);
+  std::vector<std::string> errors = {state.missing};
+  errors.insert(errors.end(), state.errors.begin(), state.errors.end());
+  for (const std::string& error : errors) {
+    if (!error.empty()) return status.summary(DiagnosticStatus::ERROR, error);
+  }
+  std::vector<std::string> warnings = {withMissingClock("")};
+  if (dropped > 0) {
+    if (!since_processed_ || since_processed_->seconds() >= kSilence) {
+      std::string error = "no usable " + input_;
+      if (since_processed_) error += format(" for %.0f s", since_processed_->seconds());
+      status.summary(DiagnosticStatus::ERROR, error);
+    }
+    warnings.push_back(std::to_string(dropped) + " " + inputs_ + " dropped in the last second");
+  }
+  warnings.insert(warnings.end(), state.warnings.begin(), state.warnings.end());
+  for (const std::string& warning : warnings) {
+    if (warning.empty()) continue;
+    status.level = std::max<std::int8_t>(status.level, DiagnosticStatus::WARN);
+    status.message += "; " + warning;
+  }
 }
 
 /// While ROS time stands still, because a bag is paused or has ended, nothing is expected.

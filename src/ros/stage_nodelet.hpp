@@ -20,6 +20,10 @@
 
 namespace ground_scale_vo {
 
+/// The sentence, followed by a clause while ROS time does not run: drivers then stamp their images
+/// with zero, or wait for the time.
+std::string withMissingClock(const std::string& sentence);
+
 /// What both nodelets have: a thread for their callbacks, a log, the service ~reset, and the
 /// diagnostics once a second.
 ///
@@ -28,17 +32,28 @@ namespace ground_scale_vo {
 /// its threads.
 class StageNodelet : public nodelet::Nodelet {
  protected:
-  /// stage: what the diagnostics append to the name of the nodelet.
-  explicit StageNodelet(std::string stage) : stage_(std::move(stage)) {}
+  /// What the summary of the diagnostics adds to that of the last frame. Empty texts: nothing is
+  /// wrong.
+  struct State {
+    std::string missing;                ///< an input; takes precedence over `errors`
+    std::vector<std::string> errors;    ///< the first one is the summary
+    std::uint64_t dropped = 0;          ///< since construction: queue full, refused, stamp
+    std::vector<std::string> warnings;  ///< appended
+  };
+  using Diagnostics = diagnostic_updater::DiagnosticStatusWrapper;
+
+  /// stage: what the diagnostics append to the name of the nodelet. input: the name of its messages
+  /// and of several of them: "vo/frame", "frames".
+  StageNodelet(std::string stage, std::string input, std::string inputs)
+      : stage_(std::move(stage)), input_(std::move(input)), inputs_(std::move(inputs)) {}
 
   /// Subscribes and advertises with handles of the own queue; callbacks run afterwards. Throws
   /// OptionError.
   virtual void start(ros::NodeHandle& handle, ros::NodeHandle& private_handle) = 0;
   /// ~reset. Returns what happens next, for the answer of the service.
   virtual std::string reset() = 0;
-  /// All of *state but what this class knows (dropped: since construction), and values of the
-  /// diagnostics.
-  virtual void describe(StageState* state, diagnostic_updater::DiagnosticStatusWrapper& values) = 0;
+  /// Sets the summary of the last frame, and adds values.
+  virtual State describe(Diagnostics& status) = 0;
 
   /// Reads the parameters, logs those in effect and warns about unknown ones. Throws OptionError.
   template <typename Params>
@@ -50,6 +65,11 @@ class StageNodelet : public nodelet::Nodelet {
     logParams(reader);
     return params;
   }
+  /// A message of the input arrived; it may be refused later.
+  void countInput();
+  std::uint64_t received() const { return received_; }
+  /// One sentence if none has come yet, or none any more; empty: they arrive.
+  std::string missingInput(const std::string& topic) const;
   /// A frame was processed, in the time of the watch.
   void countFrame(const Stopwatch& watch);
   std::uint64_t processed() const { return processed_; }
@@ -73,19 +93,20 @@ class StageNodelet : public nodelet::Nodelet {
  private:
   void onInit() final;
   void logParams(const ParamReader& reader);
-  void diagnose(diagnostic_updater::DiagnosticStatusWrapper& status);
+  void diagnose(Diagnostics& status);
+  void addToSummary(const State& state, Diagnostics& status);
   void warnOfMissingInput(const std::string& sentence);
 
-  const std::string stage_;
+  const std::string stage_, input_, inputs_;
   ros::CallbackQueue callbacks_;  // before all that uses it: destroyed after that
   ros::AsyncSpinner spinner_{1, &callbacks_};
   std::vector<ros::ServiceServer> services_;
   std::unique_ptr<diagnostic_updater::Updater> updater_;
   ros::WallTimer diagnostics_timer_;
   const Stopwatch since_start_{};
-  Stopwatch since_diagnosis_;
+  Stopwatch since_diagnosis_, since_received_;
   ros::Time last_ros_time_;  ///< of the last diagnosis
-  std::uint64_t processed_ = 0, diagnosed_processed_ = 0, diagnosed_dropped_ = 0;
+  std::uint64_t received_ = 0, processed_ = 0, diagnosed_processed_ = 0, diagnosed_dropped_ = 0;
   std::optional<Stopwatch> since_processed_;
   double frame_ms_ = 0;
 };

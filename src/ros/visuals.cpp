@@ -46,9 +46,9 @@ cv::Scalar ageColour(double age) {
   return colours.at<cv::Vec3b>(index);
 }
 
-/// A colour image to draw on. Positions of marks are pixels; sizes, and all of the texts in the
+/// A colour image to draw on. Positions of marks are pixels; sizes, and all of the text in the
 /// upper left corner, are pixels of an image of ordinary width: in a wider one, which viewers show
-/// reduced, they grow with the width, in one that is narrower than the texts they shrink.
+/// reduced, they grow with the width, in one that is narrower than the text they shrink.
 class Canvas {
  public:
   /// The image darker, its masked pixels tinted.
@@ -70,44 +70,36 @@ class Canvas {
   void dot(const cv::Point& at, const cv::Scalar& colour, bool filled) {
     cv::circle(image_, at, scaled(3), colour, filled ? cv::FILLED : scaled(1), cv::LINE_AA);
   }
-  void cross(const cv::Point& at, bool outlier) {
-    cv::drawMarker(image_, at, outlier ? kOutlierColour : kNotFoundColour, cv::MARKER_TILTED_CROSS,
-                   scaled(outlier ? 7 : 5), scaled(1));
-  }
   void text(const std::string& text, const cv::Point& at, const cv::Scalar& colour = kTextColour) {
     cv::putText(image_, text, at, cv::FONT_HERSHEY_SIMPLEX, zoom_ * kTextSize, colour, scaled(1),
                 cv::LINE_AA);
   }
 
-  /// The background of two rows of text.
-  void startTexts() {
-    cv::rectangle(image_, cv::Rect(0, 0, scaled(kTextWidth), scaled(34)), kTextBackground,
-                  cv::FILLED);
-  }
-  /// Writes in this row from x on. Returns the end of the text.
-  double writeInRow(int row, double x, const std::string& line,
-                    const cv::Scalar& colour = kTextColour) {
-    text(line, {scaled(x), scaled(14 + 15 * row)}, colour);
-    return x + cv::getTextSize(line, cv::FONT_HERSHEY_SIMPLEX, kTextSize, 1, nullptr).width;
+  /// Writes in the row at the top from x on. Returns the end of the text.
+  double writeInRow(double x, const std::string& line, const cv::Scalar& colour = kTextColour) {
+    if (x == 0) {
+      cv::rectangle(image_, {0, 0, scaled(kTextWidth), scaled(19)}, kTextBackground, cv::FILLED);
+    }
+    text(line, {scaled(x + kTextMargin), scaled(14)}, colour);
+    return x + kTextMargin +
+           cv::getTextSize(line, cv::FONT_HERSHEY_SIMPLEX, kTextSize, 1, nullptr).width;
   }
 
  private:
-  static constexpr double kUnscaledWidth = 800, kTextWidth = 462, kTextSize = 0.36;
+  static constexpr double kUnscaledWidth = 800, kTextWidth = 462, kTextSize = 0.36, kTextMargin = 8;
 
   double zoom_;
   cv::Mat image_;
 };
 
-/// Ages in their colours, and the marks.
+/// Ages in their colours, and what the crosses are.
 void drawLegend(Canvas& canvas) {
-  canvas.startTexts();
-  double x = canvas.writeInRow(0, 8, "age [frames]");
+  double x = canvas.writeInRow(0, "age [frames]");
   for (const int age : {0, 1, 3, 10, 30, 100}) {
-    x = canvas.writeInRow(0, x + 12, std::to_string(age), ageColour(age));
+    x = canvas.writeInRow(x, std::to_string(age), ageColour(age));
   }
-  x = canvas.writeInRow(1, 8, "filled: point, hollow: no point yet, crosses: ");
-  x = canvas.writeInRow(1, x, "outlier", kOutlierColour);
-  canvas.writeInRow(1, x + 12, "not found", kNotFoundColour);
+  x = canvas.writeInRow(x, "outlier", kOutlierColour);
+  canvas.writeInRow(x, "not found", kNotFoundColour);
 }
 
 cv::Point toPixel(const Eigen::Vector2f& u) { return {cvRound(u.x()), cvRound(u.y())}; }
@@ -148,30 +140,17 @@ void drawGroundGrid(Canvas& canvas, const PinholeCamera& camera, const ScaleEsti
   }
 }
 
-/// The scale, and the standard deviation of each measurement of this frame.
-void drawScale(Canvas& canvas, const ScaleRecovery::Output& output) {
-  const ScaleEstimate& scale = output.scale;
-  std::string first = toString(scale.status);
-  if (scale.source == ScaleSource::kSpeed) first += " by speeds";
-  if (scale.source == ScaleSource::kBoth) first += " by road and speeds";
+void drawScale(Canvas& canvas, const ScaleEstimate& scale) {
+  std::string text = toString(scale.status);
+  if (scale.source == ScaleSource::kSpeed) text += " by speeds";
+  if (scale.source == ScaleSource::kBoth) text += " by road and speeds";
   if (scale.measurement != MeasurementStatus::kMeasured)
-    first += std::string(", ") + toString(scale.measurement);
+    text += std::string(", ") + toString(scale.measurement);
   if (scale.status != ScaleStatus::kUnknown) {
-    first +=
+    text +=
         cv::format(": %.4g m per VO unit +- %.1f %%", scale.scale, 100 * scale.sigma / scale.scale);
   }
-  const auto percent = [](const PlaneMeasurement& measured) {
-    return measured.plane.height > 0
-               ? cv::format("%.1f %%", 100 * measured.sigma / measured.plane.height)
-               : std::string("none");
-  };
-  std::string second = "this frame: features " + percent(output.feature_based) + ", direct " +
-                       percent(output.direct);
-  const double correlation = output.direct.correlation;
-  if (correlation > 0) second += cv::format(", correlation %.2f", correlation);
-  canvas.startTexts();
-  canvas.writeInRow(0, 8, first);
-  canvas.writeInRow(1, 8, second);
+  canvas.writeInRow(0, text);
 }
 
 }  // namespace
@@ -194,8 +173,12 @@ sensor_msgs::Image::Ptr TrackPainter::paint(const CameraImage& image, const VoFr
   }
   last_.swap(now);
   last_sequence_ = frame.sequence;
-  for (const RejectedFeature& feature : rejected)
-    canvas.cross(toPixel(feature.u), feature.is_outlier);
+  for (const RejectedFeature& feature : rejected) {
+    const bool is_outlier = feature.is_outlier;
+    cv::drawMarker(canvas.image(), toPixel(feature.u),
+                   is_outlier ? kOutlierColour : kNotFoundColour, cv::MARKER_TILTED_CROSS,
+                   canvas.scaled(is_outlier ? 7 : 5), canvas.scaled(1));
+  }
   drawLegend(canvas);
   return toMsg(canvas.image(), sensor_msgs::image_encodings::BGR8, header);
 }
@@ -212,12 +195,12 @@ sensor_msgs::Image::Ptr paintRoad(const CameraImage& image, const VoFrame& frame
     const bool on_ground = ground.count(feature.id) > 0;
     canvas.dot(toPixel(feature.u), on_ground ? kMeasuredColour : kOtherColour, on_ground);
   }
-  drawScale(canvas, output);
+  drawScale(canvas, output.scale);
   return toMsg(canvas.image(), sensor_msgs::image_encodings::BGR8, header);
 }
 
 sensor_msgs::PointCloud2::Ptr toPointCloud(const std::vector<Eigen::Vector3f>& points,
-                                           const std_msgs::Header& header) {
+                                           const std_msgs::Header& header, double scale) {
   auto cloud = boost::make_shared<sensor_msgs::PointCloud2>();
   cloud->header = header;
   sensor_msgs::PointCloud2Modifier modifier(*cloud);
@@ -225,12 +208,10 @@ sensor_msgs::PointCloud2::Ptr toPointCloud(const std::vector<Eigen::Vector3f>& p
   modifier.resize(points.size());
   cloud->is_dense = true;
   if (points.empty()) return cloud;  // an iterator would refer to the first byte of no data
-  sensor_msgs::PointCloud2Iterator<float> x(*cloud, "x"), y(*cloud, "y"), z(*cloud, "z");
+  sensor_msgs::PointCloud2Iterator<float> x(*cloud, "x");
   for (const Eigen::Vector3f& point : points) {
-    *x = point.x();
-    *y = point.y();
-    *z = point.z();
-    ++x, ++y, ++z;
+    for (int k = 0; k < 3; ++k) x[k] = static_cast<float>(scale) * point[k];
+    ++x;
   }
   return cloud;
 }
@@ -239,9 +220,9 @@ sensor_msgs::PointCloud2::Ptr toPointCloud(const VoFrame& frame, const std_msgs:
                                            double scale) {
   std::vector<Eigen::Vector3f> points;
   for (const TrackedFeature& feature : frame.features) {
-    if (feature.has_point) points.push_back(static_cast<float>(scale) * feature.p_c);
+    if (feature.has_point) points.push_back(feature.p_c);
   }
-  return toPointCloud(points, header);
+  return toPointCloud(points, header, scale);
 }
 
 bool hasGroundPlane(const ScaleEstimate& scale) {

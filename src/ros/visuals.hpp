@@ -40,14 +40,12 @@ sensor_msgs::Image::Ptr paintRoad(const CameraImage& image, const VoFrame& frame
                                   const ScaleRecovery::Output& output,
                                   const std_msgs::Header& header);
 
-/// x, y, z [float32] in the header's frame.
+/// x, y, z [float32] in the header's frame: the points times the scale.
 sensor_msgs::PointCloud2::Ptr toPointCloud(const std::vector<Eigen::Vector3f>& points,
-                                           const std_msgs::Header& header);
-
-/// The map points of a frame in its camera frame, times the scale [m per VO unit]; 1 keeps VO
-/// units.
+                                           const std_msgs::Header& header, double scale);
+/// The same with the map points of a frame in its camera frame.
 sensor_msgs::PointCloud2::Ptr toPointCloud(const VoFrame& frame, const std_msgs::Header& header,
-                                           double scale = 1);
+                                           double scale);
 
 /// The filtered plane is known: not before the scale, nor while this is from speeds alone.
 bool hasGroundPlane(const ScaleEstimate& scale);

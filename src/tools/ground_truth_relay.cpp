@@ -22,7 +22,7 @@ namespace {
 
 constexpr std::uint32_t kQueue = 1000;  // [messages]
 // The defaults of ScaleRecovery's path_max_poses and path_spacing_m.
-constexpr std::size_t kPathPoses = 5000;
+constexpr int kPathPoses = 5000;
 constexpr double kPathSpacing = 0.5;     // [m]
 constexpr std::size_t kMaxPending = 50;  // estimates that wait for their ground truth
 constexpr double kClockJump = 1.0;       // stamps that go back by more belong to a looped bag [s]
@@ -80,15 +80,9 @@ class GroundTruthRelay {
     odometry->child_frame_id = gsv::GroundTruthTf::groundTruthFrame(estimate.child_frame_id);
     odometry->pose.pose = gsv::toMsg(T_odom_b);
     odometry_publisher_.publish(odometry);
-
-    geometry_msgs::PoseStamped pose;
-    pose.header = odometry->header;
-    pose.pose = odometry->pose.pose;
-    if (!path_.add(pose) || path_publisher_.getNumSubscribers() == 0) return;
-    auto path = boost::make_shared<nav_msgs::Path>();
-    path->header = odometry->header;
-    path->poses = path_.poses();
-    path_publisher_.publish(path);
+    if (path_.add(*odometry) && path_publisher_.getNumSubscribers() > 0) {
+      path_publisher_.publish(path_.message());
+    }
   }
 
   gsv::GroundTruthTf ground_truth_;

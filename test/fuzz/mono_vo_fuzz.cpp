@@ -52,7 +52,7 @@ class MonoVo {
       const auto output = odometry_->process(grey, toNanoseconds(header.stamp));
       check(*toMsg(output.frame, header));
       check(*toOdometryMsg(output.frame, header, "vo_world"));
-      toPointCloud(output.frame, header);
+      toPointCloud(output.frame, header, 1);
       painter_.paint(output.image, output.frame, output.rejected, header);
     };
     filter_.add(toNanoseconds(image.header.stamp), process);

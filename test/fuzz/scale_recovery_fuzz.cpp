@@ -47,7 +47,7 @@ class Scale {
     VoFrame frame;
     try {
       frame = fromMsg(message);
-    } catch (const MessageError&) {
+    } catch (const DataError&) {
       return;
     }
     const StampFilter::Process process = [=,

@@ -123,7 +123,7 @@ TEST(VoFrameMsg, RefusesInvalidMessagesAndNamesFieldAndLimit) {
   for (const auto& refused : kCases) {
     VoFrameMsg msg = good;
     refused.change(&msg);
-    expectThrows<MessageError>([&] { fromMsg(msg); }, refused.reason);
+    expectThrows<DataError>([&] { fromMsg(msg); }, refused.reason);
   }
   VoFrameMsg lost = good;
   lost.status = VoFrameMsg::LOST;  // the pose is not used then
@@ -199,11 +199,11 @@ TEST(ScaleEstimateMsg, RoundTripIsExact) {
   EXPECT_EQ(values(fromMsg(*msg)), values(scale));
   EXPECT_EQ(fromMsg(*msg).n_c, scale.n_c);
   msg->source = 4;
-  expectThrows<MessageError>([&] { fromMsg(*msg); }, "source is 4, it must lie in [0, 3]");
+  expectThrows<DataError>([&] { fromMsg(*msg); }, "source is 4, it must lie in [0, 3]");
   msg->reason = 9;
-  expectThrows<MessageError>([&] { fromMsg(*msg); }, "reason is 9, it must lie in [0, 8]");
+  expectThrows<DataError>([&] { fromMsg(*msg); }, "reason is 9, it must lie in [0, 8]");
   msg->status = 3;
-  expectThrows<MessageError>([&] { fromMsg(*msg); }, "status is 3, it must lie in [0, 2]");
+  expectThrows<DataError>([&] { fromMsg(*msg); }, "status is 3, it must lie in [0, 2]");
 }
 
 template <typename... Enumerators>

@@ -1,4 +1,4 @@
-// Level and message of the diagnostics in each state, what the log prints, and what is said about
+// Level and message of the scale's diagnostics, what the log prints, and what is said about
 // the mounting and the camera height.
 
 #include "ros/diagnostics.hpp"
@@ -6,12 +6,12 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <functional>
 #include <optional>
 #include <string>
-#include <vector>
 
+#include "common/time.hpp"
 #include "ground_scale_vo/common/error.hpp"
+#include "ros/odometry_output.hpp"
 #include "scale/road.hpp"
 #include "support/expect_throws.hpp"
 #include "support/learned_height.hpp"
@@ -20,66 +20,6 @@ namespace ground_scale_vo {
 namespace {
 
 using Level = DiagnosticStatus;
-
-DiagnosticStatus statusOf(std::int8_t level, const std::string& message) {
-  DiagnosticStatus status;
-  status.level = level;
-  status.message = message;
-  return status;
-}
-
-TEST(Summary, OfTheInputOfAStage) {
-  StageState good;
-  good.input = "image";
-  good.inputs = "images";
-  good.stage = statusOf(Level::OK, "tracking");
-  good.since_processed_s = 0.1;
-  good.errors = {""};
-  good.warnings = {"", ""};
-  const struct {
-    std::function<void(StageState*)> change;
-    std::int8_t level;
-    std::string message;
-  } kCases[] = {
-      {[](StageState*) {}, Level::OK, "tracking"},
-      {[](StageState* s) { s->missing = "no image"; }, Level::ERROR, "no image"},
-      {[](StageState* s) {
-         s->errors = {"", "two cameras", "two parents"};
-       },
-       Level::ERROR, "two cameras"},
-      {[](StageState* s) {
-         s->warnings = {"all zeros", "D is not zero"};
-       },
-       Level::WARN, "tracking; all zeros; D is not zero"},
-      {[](StageState* s) { s->stage = statusOf(Level::ERROR, "lost"), s->warnings = {"zeros"}; },
-       Level::ERROR, "lost; zeros"},
-      {[](StageState* s) { s->dropped = 3; }, Level::WARN,
-       "tracking; 3 images dropped in the last second"},
-      {[](StageState* s) { s->dropped = 3, s->since_processed_s.reset(); }, Level::ERROR,
-       "no usable image; 3 images dropped in the last second"},
-      {[](StageState* s) { s->dropped = 3, s->since_processed_s = 7; }, Level::ERROR,
-       "no usable image for 7 s; 3 images dropped in the last second"},
-      {[](StageState* s) { s->since_processed_s = 7; }, Level::OK, "tracking"},  // they wait
-      {[](StageState* s) { s->dropped = 3, s->warnings = {"no clock"}; }, Level::WARN,
-       "tracking; 3 images dropped in the last second; no clock"}};
-  for (const auto& one : kCases) {
-    StageState state = good;
-    one.change(&state);
-    EXPECT_EQ(summarize(state).level, one.level) << one.message;
-    EXPECT_EQ(summarize(state).message, one.message);
-  }
-}
-
-TEST(Summary, OfTheOdometry) {
-  const auto is = [](const std::optional<VoStatus>& status, std::int8_t level,
-                     const char* message) {
-    return summarize(status).level == level && summarize(status).message == message;
-  };
-  EXPECT_TRUE(is(std::nullopt, Level::WARN, "initialising"));
-  EXPECT_TRUE(is(VoStatus::kInitialising, Level::WARN, "initialising"));
-  EXPECT_TRUE(is(VoStatus::kTracking, Level::OK, "tracking"));
-  EXPECT_TRUE(is(VoStatus::kLost, Level::ERROR, "lost"));
-}
 
 TEST(Summary, OfTheScale) {
   const struct {
@@ -143,15 +83,22 @@ ScaleRecovery::Output estimate(double pitch, double roll, double sigma) {
   return output;
 }
 
+/// A camera with this up in its axes on tf.
+TfFrames onTf(const Eigen::Vector3d& up_c) {
+  TfFrames frames{"odom", "base_link"};
+  frames.T_c_b.linear() =
+      Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), up_c).toRotationMatrix();
+  return frames;
+}
+
 /// The sentence for a transform on tf with these angles and an estimate [deg].
 std::string check(double tf_pitch, double tf_roll, double pitch, double roll, double sigma) {
-  return mountingWarning(
-      estimate(pitch, roll, sigma), std::nullopt,
-      MountingOnTf{"base_link", "camera", roadNormal(tf_pitch * kDegree, tf_roll * kDegree)});
+  const TfFrames frames = onTf(roadNormal(tf_pitch * kDegree, tf_roll * kDegree));
+  return mountingWarning(estimate(pitch, roll, sigma), std::nullopt, &frames, "camera");
 }
 
 std::string measured(double pitch, double roll, double sigma) {
-  return mountingWarning(estimate(pitch, roll, sigma), std::nullopt, std::nullopt);
+  return mountingWarning(estimate(pitch, roll, sigma), std::nullopt, nullptr, "camera");
 }
 
 TEST(MountingCheck, NamesAMeasuredMountingThatIsNotSupported) {
@@ -190,12 +137,12 @@ std::optional<Eigen::Vector3d> turnAxis(double roll, int frames = 80) {
 TEST(MountingCheck, NamesAMountingThatTurnsShow) {
   const ScaleRecovery::Output wrong = estimate(0, -3, 0.2);  // of a facade
   EXPECT_FALSE(turnAxis(0, 20));
-  for (const double roll : {-15, 0, 15})
-    EXPECT_EQ(mountingWarning(wrong, turnAxis(roll), std::nullopt), "");
+  const auto warning = [&](double roll) {
+    return mountingWarning(wrong, turnAxis(roll), nullptr, "camera");
+  };
+  for (const double roll : {-15, 0, 15}) EXPECT_EQ(warning(roll), "");
   for (const double roll : {-90, -40, 40, 90}) {
-    EXPECT_EQ(
-        mountingWarning(wrong, turnAxis(roll), std::nullopt).find("in turns the camera has pitch "),
-        0u);
+    EXPECT_EQ(warning(roll).find("in turns the camera has pitch "), 0u);
     EXPECT_NEAR(std::abs(rollOf(*turnAxis(roll))), std::abs(roll) * kDegree, 8 * kDegree);
   }
 }
@@ -230,8 +177,8 @@ TEST(MountingCheck, NamesBothPitchesAndRollsAndTheConsequence) {
             std::string::npos);
   ScaleRecovery::Output output;  // a base that is upside down or optical
   for (const Eigen::Vector3d& up_c : {Eigen::Vector3d(0, 1, 0), Eigen::Vector3d(0, 0, 1)}) {
-    EXPECT_NE(mountingWarning(output, std::nullopt, MountingOnTf{"base_link", "camera", up_c}), "")
-        << up_c.transpose();
+    const TfFrames frames = onTf(up_c);
+    EXPECT_NE(mountingWarning(output, std::nullopt, &frames, "camera"), "") << up_c.transpose();
   }
 }
 

@@ -169,11 +169,11 @@ TEST_F(BaseOdometry, ABaseThatStandsStillUnderAMovingCameraHasNoTwist) {
   EXPECT_EQ(frames_.mounting_twist_c, Vector6d::Zero());
 }
 
-geometry_msgs::PoseStamped poseAt(double x, double y = 0, double z = 0) {
-  geometry_msgs::PoseStamped pose;
-  pose.pose.position.x = x;
-  pose.pose.position.y = y;
-  pose.pose.position.z = z;
+nav_msgs::Odometry poseAt(double x, double y = 0, double z = 0) {
+  nav_msgs::Odometry pose;
+  pose.pose.pose.position.x = x;
+  pose.pose.pose.position.y = y;
+  pose.pose.pose.position.z = z;
   return pose;
 }
 
@@ -181,7 +181,7 @@ TEST(BoundedPath, StaysBoundedAndCoversTheWholeDrive) {
   for (const double spacing : {0.5, 0.0}) {
     BoundedPath path(100, spacing);
     for (int i = 0; i < 100000; ++i) path.add(poseAt(0.1 * i));
-    const auto& poses = path.poses();
+    const auto& poses = path.message().poses;
     EXPECT_LE(poses.size(), 100u);
     EXPECT_GE(poses.size(), 40u);
     EXPECT_EQ(poses.front().pose.position.x, 0);

@@ -15,6 +15,7 @@
 #include <string>
 #include <vector>
 
+#include "ground_scale_vo/common/error.hpp"
 #include "support/expect_throws.hpp"
 
 namespace ground_scale_vo {
@@ -199,13 +200,16 @@ geometry_msgs::TwistStamped twistStamped(double x, double y = 0, double z = 0) {
   message.twist.linear.z = z;
   return message;
 }
-double speedOf(double x, double y, double z = 0) {
-  return SpeedReader().read(received(twistStamped(x, y, z))).speed;
+/// Of a vehicle whose velocity is along x so far.
+template <typename Message>
+SpeedSample read(const Message& message, const std::string& md5 = {}) {
+  bool has_vehicle_axes = true;
+  return readSpeed(received(message, md5), &has_vehicle_axes);
 }
+double speedOf(double x, double y, double z = 0) { return read(twistStamped(x, y, z)).speed; }
 
-TEST(SpeedReader, ReadsEveryType) {
-  SpeedReader reader;
-  const SpeedSample stamped = reader.read(received(twistStamped(-2.5)));
+TEST(Speeds, ReadsEveryType) {
+  const SpeedSample stamped = read(twistStamped(-2.5));
   EXPECT_EQ(stamped.stamp_ns, 3000000004);
   EXPECT_EQ(stamped.speed, -2.5);
   EXPECT_EQ(stamped.sigma, 0);
@@ -217,24 +221,23 @@ TEST(SpeedReader, ReadsEveryType) {
   nav_msgs::Odometry odometry;
   odometry.header = with_covariance.header;
   odometry.twist = with_covariance.twist;
-  for (const SpeedSample& sample :
-       {reader.read(received(with_covariance)), reader.read(received(odometry))}) {
+  for (const SpeedSample& sample : {read(with_covariance), read(odometry)}) {
     EXPECT_EQ(sample.stamp_ns, 5000000006);
     EXPECT_EQ(sample.speed, 7);
     EXPECT_EQ(sample.sigma, 0.5);
   }
 }
 
-TEST(SpeedReader, IgnoresAnUnknownCovariance) {
+TEST(Speeds, IgnoresAnUnknownCovariance) {
   nav_msgs::Odometry odometry;
   odometry.header.stamp = ros::Time(1, 0);
   for (const double variance : {0.0, -1.0, kNan, std::numeric_limits<double>::infinity(), 1e6}) {
     odometry.twist.covariance[0] = variance;
-    EXPECT_EQ(SpeedReader().read(received(odometry)).sigma, 0) << variance;
+    EXPECT_EQ(read(odometry).sigma, 0) << variance;
   }
 }
 
-TEST(SpeedReader, TheAxesOfTheVelocityDoNotMatter) {
+TEST(Speeds, TheAxesOfTheVelocityDoNotMatter) {
   EXPECT_DOUBLE_EQ(speedOf(-4, 3), -5) << "reverse, of a point that also moves sideways";
   EXPECT_DOUBLE_EQ(speedOf(3, -4), 5);
   EXPECT_DOUBLE_EQ(speedOf(0, 0, 9), 9) << "optical axes";
@@ -242,33 +245,31 @@ TEST(SpeedReader, TheAxesOfTheVelocityDoNotMatter) {
   EXPECT_EQ(speedOf(0.01, 0.5), std::hypot(0.01, 0.5));
 }
 
-TEST(SpeedReader, AVelocityThatIsNotAlongXHasNoSign) {
-  SpeedReader reader;
-  const auto read = [&](double x, double y) {
-    return reader.read(received(twistStamped(x, y))).speed;
+TEST(Speeds, AVelocityThatIsNotAlongXHasNoSign) {
+  bool has_vehicle_axes = true;
+  const auto next = [&](double x, double y) {
+    return readSpeed(received(twistStamped(x, y)), &has_vehicle_axes).speed;
   };
-  EXPECT_EQ(read(-5, 0), -5);
-  EXPECT_NEAR(read(-0.1, 1), -1, 0.01) << "too slow for a direction";
-  EXPECT_TRUE(reader.hasVehicleAxes());
-  EXPECT_EQ(read(-3, 4), 5);
-  EXPECT_FALSE(reader.hasVehicleAxes());
-  EXPECT_EQ(read(-5, 0), 5);
+  EXPECT_EQ(next(-5, 0), -5);
+  EXPECT_NEAR(next(-0.1, 1), -1, 0.01) << "too slow for a direction";
+  EXPECT_TRUE(has_vehicle_axes);
+  EXPECT_EQ(next(-3, 4), 5);
+  EXPECT_FALSE(has_vehicle_axes);
+  EXPECT_EQ(next(-5, 0), 5);
 }
 
-TEST(SpeedReader, RefusesWhatIsNoSpeedWithTheReason) {
-  SpeedReader reader;
-  expectThrows<MessageError>(
-      [&] { reader.read(received(std_msgs::Float64())); },
+TEST(Speeds, RefusesWhatIsNoSpeedWithTheReason) {
+  expectThrows<DataError>(
+      [] { read(std_msgs::Float64()); },
       "has the type std_msgs/Float64, accepted are nav_msgs/Odometry, geometry_msgs/TwistStamped "
       "and geometry_msgs/TwistWithCovarianceStamped");
   geometry_msgs::TwistStamped without_stamp = twistStamped(1);
   without_stamp.header.stamp = ros::Time();
-  expectThrows<MessageError>([&] { reader.read(received(without_stamp)); }, "stamp of zero");
+  expectThrows<DataError>([&] { read(without_stamp); }, "stamp of zero");
   for (const double x : {kNan, std::numeric_limits<double>::infinity()}) {
-    expectThrows<MessageError>([&] { reader.read(received(twistStamped(x))); }, "is not finite");
+    expectThrows<DataError>([&] { read(twistStamped(x)); }, "is not finite");
   }
-  expectThrows<MessageError>([&] { reader.read(received(twistStamped(1), "another")); },
-                             "cannot be read: ");
+  expectThrows<DataError>([&] { read(twistStamped(1), "another"); }, "cannot be read: ");
 }
 
 }  // namespace

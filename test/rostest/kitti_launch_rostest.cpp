@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "child_process.hpp"
+#include "common/time.hpp"
 #include "mounting.hpp"
 #include "rendered_camera.hpp"
 #include "support/temporary_folder.hpp"

@@ -2,6 +2,7 @@
 
 #include <geometry_msgs/Pose.h>
 #include <geometry_msgs/Transform.h>
+#include <nav_msgs/Odometry.h>
 #include <ros/time.h>
 #include <sensor_msgs/CameraInfo.h>
 #include <sensor_msgs/CompressedImage.h>
@@ -12,7 +13,6 @@
 #include <cstddef>
 #include <cstdint>
 #include <opencv2/core.hpp>
-#include <stdexcept>
 #include <string>
 
 #include "ground_scale_vo/input/image.hpp"
@@ -34,12 +34,6 @@ namespace ground_scale_vo {
 
 struct CameraInfo;  // input/camera_info.hpp
 
-/// A message that cannot be used. what() is one sentence with the reason.
-class MessageError : public std::runtime_error {
- public:
-  using std::runtime_error::runtime_error;
-};
-
 inline std::int64_t toNanoseconds(const ros::Time& stamp) {
   return static_cast<std::int64_t>(stamp.toNSec());
 }
@@ -60,17 +54,23 @@ VoFrameMsg::Ptr toMsg(const VoFrame& frame, const std_msgs::Header& header);
 /// Most features of a frame: the time of a frame grows with their number, about 0.2 s for this one.
 constexpr std::size_t kMaxFeatures = 20000;
 
-/// Any odometry may publish VoFrame, so every field is checked. Throws MessageError. A point that
+/// Any odometry may publish VoFrame, so every field is checked. Throws DataError. A point that
 /// is not finite or not in front of the camera is dropped; its feature stays.
 VoFrame fromMsg(const VoFrameMsg& msg);
 
 ScaleEstimateMsg::Ptr toMsg(const ScaleEstimate& scale, std::uint32_t map_id,
                             const std_msgs::Header& header);
-/// Throws MessageError for an unknown status or reason.
+/// Throws DataError for an unknown status or reason.
 ScaleEstimate fromMsg(const ScaleEstimateMsg& msg);
 
+/// The up-to-scale pose of a tracked frame in world_frame, with its pose_covariance turned to the
+/// axes of that frame. A covariance that is not known, as that of the twist, has -1 as its first
+/// element.
+nav_msgs::Odometry::Ptr toOdometryMsg(const VoFrame& frame, const std_msgs::Header& image_header,
+                                      const std::string& world_frame);
+
 geometry_msgs::Pose toMsg(const Eigen::Isometry3d& T_a_b);
-/// Throws MessageError for a position that is not plausible (isPlausiblePosition) or a quaternion
+/// Throws DataError for a position that is not plausible (isPlausiblePosition) or a quaternion
 /// that is not of unit length.
 Eigen::Isometry3d fromMsg(const geometry_msgs::Pose& pose);
 Eigen::Isometry3d fromMsg(const geometry_msgs::Transform& transform);

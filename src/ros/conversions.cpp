@@ -1,7 +1,6 @@
 #include "ground_scale_vo/ros/conversions.hpp"
 
 #include <sensor_msgs/distortion_models.h>
-#include <sensor_msgs/image_encodings.h>
 #include <tf2_eigen/tf2_eigen.h>
 
 #include <algorithm>
@@ -174,21 +173,6 @@ void visitFields(Estimate& scale, Message& msg, Visit&& visit) {
   visit(scale.plane_inliers, msg.plane_inliers);
 }
 
-/// The encoding of decoded pixels: a Bayer pattern, which the compression has kept, or the channels
-/// of OpenCV.
-std::string encodingOf(const cv::Mat& pixels, const std::string& format) {
-  namespace encodings = sensor_msgs::image_encodings;
-  const std::string source = bayerPatternOf(format);
-  const int bits = pixels.depth() == CV_16U ? 16 : 8;
-  if (pixels.channels() == 1 && encodings::isBayer(source) && encodings::bitDepth(source) == bits) {
-    return source;
-  }
-  const char* const name = pixels.channels() == 1   ? "mono"
-                           : pixels.channels() == 3 ? "bgr"
-                                                    : "bgra";
-  return name + std::to_string(bits);
-}
-
 }  // namespace
 
 std::string withoutLeadingSlashes(const std::string& frame) {
@@ -335,11 +319,10 @@ sensor_msgs::ImagePtr toMsg(const cv::Mat& pixels, const std::string& encoding,
   return image;
 }
 
-sensor_msgs::ImagePtr decode(const sensor_msgs::CompressedImage& image) {
+cv::Mat decode(const sensor_msgs::CompressedImage& image) {
   const std::string_view bytes(reinterpret_cast<const char*>(image.data.data()), image.data.size());
   try {
-    const cv::Mat pixels = decodePixels(bytes);
-    return toMsg(pixels, encodingOf(pixels, image.format), image.header);
+    return decodePixels(bytes);
   } catch (const DataError& error) {
     throw DataError("the compressed image (format \"" + image.format + "\", " +
                     std::to_string(bytes.size()) + " bytes) " + error.what());

@@ -61,8 +61,8 @@ using diagnostic_msgs::DiagnosticStatus;
 
 DiagnosticStatus statusOf(std::int8_t level, const std::string& message);
 /// Level and message (docs/how-to/troubleshooting.md). held_s: since the first HELD frame after a
-/// measurement or standstill; missing_image: why the last frame had no image, empty: it had
-/// one, or images are not used.
+/// measurement or standstill; missing_image: why no image was used in the last second, empty: one
+/// was, or images are not used.
 DiagnosticStatus summarize(const ScaleEstimate& scale, double held_s,
                            const std::string& missing_image);
 

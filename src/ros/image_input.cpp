@@ -96,11 +96,10 @@ std::string CameraInput::calibrationError() const {
          "; publish one constant calibration";
 }
 
-cv::Mat CameraInput::grey(const sensor_msgs::Image& image) {
-  const cv::Size size(static_cast<int>(std::min(image.width, kMaxImageSide)),
-                      static_cast<int>(std::min(image.height, kMaxImageSide)));
-  if (size != sizeOf(*camera_)) checkCalibration(*camera_, source_, size);  // throws
-  return grey_converter_.convert(fromMsg(image));
+cv::Mat CameraInput::grey(const cv::Mat& pixels, const std::string& encoding) {
+  if (pixels.size() != sizeOf(*camera_))
+    checkCalibration(*camera_, source_, pixels.size());  // throws
+  return grey_converter_.convert(pixels, encoding);
 }
 
 }  // namespace ground_scale_vo

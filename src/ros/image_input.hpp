@@ -1,7 +1,6 @@
 #pragma once
 
 #include <sensor_msgs/CameraInfo.h>
-#include <sensor_msgs/Image.h>
 
 #include <functional>
 #include <memory>
@@ -90,9 +89,9 @@ class CameraInput {
   /// One sentence while camera_info keeps changing, else empty.
   std::string calibrationError() const;
 
-  /// As it comes; may refer to the data of the message. Throws DataError: GreyConverter's reasons,
-  /// or not the size of the calibration. Precondition: camera() is not null.
-  cv::Mat grey(const sensor_msgs::Image& image);
+  /// As it comes; GreyConverter::convert(). Throws DataError: not the size of the calibration.
+  /// Precondition: camera() is not null.
+  cv::Mat grey(const cv::Mat& pixels, const std::string& encoding = {});
 
  private:
   std::string check(const CameraCalibration& calibration) const;

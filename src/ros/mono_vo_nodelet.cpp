@@ -38,11 +38,9 @@ constexpr std::uint32_t kInputQueue = 100;  // [messages] that wait for their ca
 /// worked; for visualisation vo/image_tracks, vo/points. Services ~reset, and with refine_camera
 /// ~save_camera.
 ///
-/// Bundle adjustment has a thread of its own (Mapping), and feature tracking uses OpenCV's threads
-/// (trackPoints()). The image callback stores the image, a compressed one decoded; a posted task
-/// processes one stored image after all callbacks that wait. So the newest `queue_size` images are
-/// always in the queue, and dropped ones are counted exactly. Images wait for the first valid
-/// camera_info.
+/// The callback stores the image, a compressed one decoded; a posted task processes one stored
+/// image after all callbacks that wait. So the newest `queue_size` images are always in the queue,
+/// and dropped ones are counted exactly.
 class MonoVoNodelet : public StageNodelet {
  public:
   MonoVoNodelet() : StageNodelet("odometry", "image", "images") {}
@@ -50,6 +48,12 @@ class MonoVoNodelet : public StageNodelet {
 
  private:
   using Camera = std::shared_ptr<const CameraCalibration>;
+  struct ReceivedImage {
+    std_msgs::Header header;
+    cv::Mat pixels;  ///< may refer to the data of the message
+    std::string encoding;
+    sensor_msgs::ImageConstPtr message;
+  };
 
   void start(ros::NodeHandle& handle, ros::NodeHandle& private_handle) override;
   std::string reset() override;
@@ -63,13 +67,13 @@ class MonoVoNodelet : public StageNodelet {
   void onCameraInfo(const sensor_msgs::CameraInfoConstPtr& info);
   void onCompressedImage(const sensor_msgs::CompressedImageConstPtr& compressed);
   void onImage(const sensor_msgs::ImageConstPtr& image);
-  void store(const sensor_msgs::ImageConstPtr& image);
+  void store(const ReceivedImage& image);
   /// Posts a task that processes the oldest stored image, unless one is pending or none can run.
   void scheduleProcessing();
   void processOldest();
   /// May refer to the data of the message. Empty, after log_->drop(), if it cannot be used.
-  cv::Mat greyOf(const sensor_msgs::Image& image);
-  void process(const sensor_msgs::Image& image, const cv::Mat& grey, const Camera& camera,
+  cv::Mat greyOf(const ReceivedImage& image);
+  void process(const ReceivedImage& image, const cv::Mat& grey, const Camera& camera,
                bool clock_jumped_back);
   /// Starts the odometry anew if the next image does not continue the ones before it: its sequence
   /// and map ids are 0 again.
@@ -85,7 +89,7 @@ class MonoVoNodelet : public StageNodelet {
   std::unique_ptr<CameraInput> input_;
   std::string camera_info_error_;     ///< of the last camera_info; empty: it was accepted
   SourceGuard<std::string> sources_;  ///< frame_id of the images that can be used
-  std::deque<sensor_msgs::ImageConstPtr> images_;
+  std::deque<ReceivedImage> images_;
   std::uint64_t dropped_from_queue_ = 0;
   bool processing_scheduled_ = false;
   std::unique_ptr<StampFilter> stamp_filter_;
@@ -193,7 +197,7 @@ void MonoVoNodelet::onCameraInfo(const sensor_msgs::CameraInfoConstPtr& info) {
 void MonoVoNodelet::onCompressedImage(const sensor_msgs::CompressedImageConstPtr& compressed) {
   countInput();
   try {
-    store(decode(*compressed));
+    store({compressed->header, decode(*compressed), bayerPatternOf(compressed->format), nullptr});
   } catch (const DataError& error) {
     log_->drop("image refused", error.what());
   }
@@ -201,10 +205,14 @@ void MonoVoNodelet::onCompressedImage(const sensor_msgs::CompressedImageConstPtr
 
 void MonoVoNodelet::onImage(const sensor_msgs::ImageConstPtr& image) {
   countInput();
-  store(image);
+  try {
+    store({image->header, pixelsOf(fromMsg(*image)), image->encoding, image});
+  } catch (const DataError& error) {
+    log_->drop("image refused", error.what());
+  }
 }
 
-void MonoVoNodelet::store(const sensor_msgs::ImageConstPtr& image) {
+void MonoVoNodelet::store(const ReceivedImage& image) {
   if (images_.size() == static_cast<std::size_t>(params_.queue_size)) {
     images_.pop_front();
     ++dropped_from_queue_;
@@ -228,22 +236,22 @@ void MonoVoNodelet::scheduleProcessing() {
 }
 
 void MonoVoNodelet::processOldest() {
-  const sensor_msgs::ImageConstPtr image = images_.front();
+  const ReceivedImage image = images_.front();
   images_.pop_front();
-  const cv::Mat grey = greyOf(*image);
+  const cv::Mat grey = greyOf(image);
   if (grey.empty()) return;
   const auto process_image = [=, camera = input_->camera()](bool clock_jumped_back) {
     const Stopwatch watch;  // an image may have been held since it arrived
-    process(*image, grey, camera, clock_jumped_back);
+    process(image, grey, camera, clock_jumped_back);
     countFrame(watch);
   };
-  stamp_filter_->add(toNanoseconds(image->header.stamp), process_image);
+  stamp_filter_->add(toNanoseconds(image.header.stamp), process_image);
 }
 
-cv::Mat MonoVoNodelet::greyOf(const sensor_msgs::Image& image) {
+cv::Mat MonoVoNodelet::greyOf(const ReceivedImage& image) {
   cv::Mat grey;
   try {
-    grey = input_->grey(image);
+    grey = input_->grey(image.pixels, image.encoding);
   } catch (const std::exception& error) {
     log_->drop("image refused", error.what());
     return {};
@@ -253,8 +261,8 @@ cv::Mat MonoVoNodelet::greyOf(const sensor_msgs::Image& image) {
   return {};
 }
 
-void MonoVoNodelet::process(const sensor_msgs::Image& image, const cv::Mat& grey,
-                            const Camera& camera, bool clock_jumped_back) {
+void MonoVoNodelet::process(const ReceivedImage& image, const cv::Mat& grey, const Camera& camera,
+                            bool clock_jumped_back) {
   std_msgs::Header header = image.header;
   header.frame_id = tfFrame(header.frame_id, "frame_id of the images");
   startOdometry(camera, clock_jumped_back);

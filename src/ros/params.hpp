@@ -17,9 +17,8 @@ namespace ground_scale_vo {
 /// a 10 Hz camera.
 constexpr std::uint32_t kPublishQueue = 100;
 
-/// Reads the ROS parameters under one namespace into fields. Each parameter is declared once, with
-/// its field (whose value is the default), its range and a text "[unit] meaning"; the list of known
-/// names, the log and the documentation follow from that.
+/// Reads the ROS parameters under one namespace into fields, whose values are the defaults. Each is
+/// declared once; the list of known names, the log and the documentation follow from that.
 class ParamReader {
  public:
   struct Entry {
@@ -75,10 +74,6 @@ class ParamReader {
   std::vector<Entry> entries_;
   std::vector<std::string> frame_warnings_;
 };
-
-// The ROS parameters of the nodelets, each under its private namespace. Most options of the core
-// are not among them; the offline tools set those (--set NAME=VALUE). docs/reference/parameters.md
-// lists both.
 
 struct MonoVoParams {
   int queue_size = 5;

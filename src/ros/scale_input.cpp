@@ -49,21 +49,18 @@ double finiteOrZero(double value) { return std::isfinite(value) ? value : 0; }
 
 void FrameContinuity::receive(std::uint32_t sequence) {
   sequence_error_.clear();
-  repeats_ = last_received_ == sequence ? repeats_ + 1 : 0;
-  if (repeats_ > (sequence == 0 ? 1 : 0)) {  // 0 twice: two restarts, an image between them
-    sequence_error_ = "sequence is " + std::to_string(sequence) +
-                      " in two vo/frame in a row: the odometry must increase it with every image, "
-                      "otherwise its restarts and lost frames are not detected";
-  } else if (last_received_ && sequence > *last_received_) {
-    const std::uint32_t gap = sequence - *last_received_ - 1;
-    if (gap <= kMaxGap) {
-      missing_ += gap;
-    } else {
-      sequence_error_ = "sequence of vo/frame jumps from " + std::to_string(*last_received_) +
-                        " to " + std::to_string(sequence) + ": it must count the images";
-    }
-  }
+  const std::uint32_t last = last_received_.value_or(sequence - 1);
   last_received_ = sequence;
+  repeats_ = sequence == last ? repeats_ + 1 : 0;
+  const std::uint32_t gap = sequence > last ? sequence - last - 1 : 0;
+  // 0 twice: two restarts, an image between them.
+  if (gap > kMaxGap || repeats_ > (sequence == 0 ? 1 : 0)) {
+    sequence_error_ = "sequence of vo/frame is " + std::to_string(sequence) + " after " +
+                      std::to_string(last) + ": the odometry must count its images in it, " +
+                      "otherwise its restarts and lost frames are not detected";
+  } else {
+    missing_ += gap;
+  }
 }
 
 std::string FrameContinuity::next(VoFrame& frame, const std::string& camera_frame,

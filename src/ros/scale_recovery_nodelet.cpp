@@ -43,9 +43,6 @@ std::uint32_t imageBuffer(const ScaleRecoveryParams& params) {
 /// vo/frame, the image on which its odometry worked (vo/image, vo/mask), and speed if used ->
 /// scale, odometry, path, tf; for visualisation image_road, points, ground_points, ground_plane.
 /// Services ~reset, and with use_speed ~save_height.
-///
-/// A frame is processed with the image of the same stamp (FrameImageSynchronizer); without an image
-/// only feature-based measurements are made. tf2_ros::TransformListener has a thread of its own.
 class ScaleRecoveryNodelet : public StageNodelet {
  public:
   ScaleRecoveryNodelet() : StageNodelet("scale", "vo/frame", "frames") {}
@@ -124,7 +121,8 @@ class ScaleRecoveryNodelet : public StageNodelet {
   };
   Report report_;
   std::uint64_t with_image_ = 0, with_direct_ = 0;  ///< frames
-  bool last_frame_had_image_ = false;               ///< or images are not used
+  std::uint64_t diagnosed_processed_ = 0, diagnosed_with_image_ = 0;
+  bool last_frame_had_image_ = false;
 };
 
 void ScaleRecoveryNodelet::start(ros::NodeHandle& handle, ros::NodeHandle& private_handle) {
@@ -317,7 +315,7 @@ void ScaleRecoveryNodelet::check(const ScaleRecovery::Output& output, const VoFr
 
 void ScaleRecoveryNodelet::record(ScaleRecovery::Output output, std::int64_t stamp_ns,
                                   bool has_image) {
-  last_frame_had_image_ = has_image || !params_.scale.refine;
+  last_frame_had_image_ = has_image;
   if (has_image) ++with_image_;
   if (output.direct.plane.height > 0) ++with_direct_;
   report_.stamp_ns = stamp_ns;
@@ -349,10 +347,12 @@ std::string ScaleRecoveryNodelet::imageState() const {
 }
 
 StageNodelet::State ScaleRecoveryNodelet::describe(Diagnostics& status) {
+  const bool has_frames = processed() > std::exchange(diagnosed_processed_, processed());
+  const bool has_images = with_image_ > std::exchange(diagnosed_with_image_, with_image_);
   const ScaleEstimate& scale = report_.last.scale;
   status.summary(summarize(
       scale, report_.held_since_ns ? secondsBetween(*report_.held_since_ns, report_.stamp_ns) : 0,
-      last_frame_had_image_ ? "" : imageState()));
+      params_.scale.refine && has_frames && !has_images ? imageState() : ""));
 
   status.add("frames processed", processed());
   status.add("frames dropped, queue full", continuity_.missing());

@@ -24,12 +24,9 @@ namespace ground_scale_vo {
 /// with zero, or wait for the time.
 std::string withMissingClock(const std::string& sentence);
 
-/// What both nodelets have: a thread for their callbacks, a log, the service ~reset, and the
-/// diagnostics once a second.
-///
-/// All callbacks run one after the other on the nodelet's own thread. The manager's queue drops
-/// what arrives during onInit, is destroyed before the subscriptions when onInit throws, and shares
-/// its threads.
+/// What both nodelets have: a thread on which all callbacks run one after the other, a log, the
+/// service ~reset, and the diagnostics once a second. The manager's queue would drop what arrives
+/// during onInit, and is destroyed before the subscriptions when onInit throws.
 class StageNodelet : public nodelet::Nodelet {
  protected:
   /// What the summary of the diagnostics adds to that of the last frame. Empty texts: nothing is

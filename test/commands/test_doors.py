@@ -14,6 +14,8 @@ import rospy
 from bags import IMAGE, INFO
 from conftest import (CAMERA_HEIGHT, FRAMES, ROOT, TIMEOUT_S, images_of, roslaunch, run, tool, wait_until,
                       write_camera)
+from geometry_msgs.msg import TwistStamped
+from ground_scale_vo.msg import ScaleEstimate
 from sensor_msgs.msg import CompressedImage, RegionOfInterest
 
 
@@ -281,3 +283,52 @@ def test_bag_launch_waits_for_both_nodelets(bag, tmp_path):
         wait_until(lambda: f"_manager does not receive {IMAGE}" in log.read_text(), while_runs=process)
         released.touch()
         wait_until(lambda: f"Playback finished: {FRAMES} of {FRAMES} frames" in log.read_text(), while_runs=process)
+
+
+def add_speed(source, file):
+    """The bag with the speed of its ground truth."""
+    bags.copy(source, file, lambda *written: written)
+    with rosbag.Bag(str(file), "a") as played:
+        truth = [message.transforms[0] for _, message, _ in played.read_messages(["/tf"])]
+        positions = [[getattr(transform.transform.translation, axis) for axis in "xyz"] for transform in truth]
+        stamps = [transform.header.stamp for transform in truth]
+        velocities = np.gradient(positions, [stamp.to_sec() for stamp in stamps], axis=0)
+        for stamp, speed in zip(stamps, np.linalg.norm(velocities, axis=1)):
+            twist = TwistStamped(header=truth[0].header)
+            twist.header.stamp, twist.twist.linear.x = stamp, speed
+            played.write("/kitti/oxts/gps/vel", twist, stamp)
+
+
+@pytest.mark.parametrize("make, argument, published, source", [
+    (add_speed, 'name="speed" value="/kitti/oxts/gps/vel"', "camera_gray_left", ScaleEstimate.SOURCE_BOTH),
+    (bags.raw_drive, 'name="base_frame" value="imu_link"', "imu_link", ScaleEstimate.SOURCE_ROAD)])
+def test_kitti_launch_gives_every_frame_one_parent(bag, tmp_path, make, argument, published, source):
+    """Poses of the camera or of a base on /tf of the bag are the ground truth, which is published beside the
+    estimate."""
+    played, record, launch = (tmp_path / name for name in ("played.bag", "record.bag", "recorded.launch"))
+    make(bag, played)
+    launch.write_text(f'''<launch>
+        <node pkg="rosbag" type="record" name="record_tf"
+              args="-O {record} /tf /tf_static scale odometry ground_truth/odometry ground_truth/path"/>
+        <include file="$(find ground_scale_vo)/launch/kitti.launch">
+          <arg name="bag" value="{played}"/> <arg name="required" value="true"/> <arg {argument}/>
+        </include>
+      </launch>''')
+    with roslaunch(tmp_path / "log", launch) as (process, _):
+        process.wait(TIMEOUT_S)
+    parents, last = {}, {}
+    with rosbag.Bag(str(record)) as recorded:
+        for topic, message, _ in recorded.read_messages():
+            last[topic.lstrip("/")] = message
+            for transform in getattr(message, "transforms", []):
+                parents.setdefault(transform.child_frame_id, set()).add(transform.header.frame_id)
+    assert parents.pop(published) == {"odom"} and all(len(names) == 1 for names in parents.values()), parents
+    estimate, truth, path = (last[name] for name in ("odometry", "ground_truth/odometry", "ground_truth/path"))
+    assert (estimate.child_frame_id, truth.child_frame_id) == (published, f"ground_truth/{published}")
+    assert estimate.header.frame_id == truth.header.frame_id == path.header.frame_id == "odom"
+    assert last["scale"].source == source
+    estimated, true, of_path = (np.array([at.x, at.y, at.z]) for at in (
+        estimate.pose.pose.position, truth.pose.pose.position, path.poses[-1].pose.position))
+    length = np.linalg.norm(true)
+    assert length > 10 and np.linalg.norm(estimated - true) < 0.08 * length + 1  # they may be of two images
+    assert np.linalg.norm(of_path - true) < 1.1 and len(path.poses) > 10

@@ -2,7 +2,6 @@
 
 import os
 import re
-import shlex
 
 import pytest
 import roslaunch.config
@@ -112,26 +111,6 @@ def test_configuration_has_the_documented_defaults():
         assert len(names) >= 3
         for name in names:
             assert parameters[f"/{nodelet}/{name}"] == yaml.safe_load(defaults[name]), name
-
-
-def test_kitti_launch_plays_the_bag(height_file):
-    nodes, remappings, parameters, _ = loaded("kitti.launch", "bag:=~/x.bag", "rate:=2.5", "record:=/it's/y.bag",
-                                              "required:=true")
-    assert remappings["/playback_monitor"] == {"image": IMAGE, "camera_info": INFO}
-    assert shlex.split(nodes["/bag_recorder"].args)[0] == "/it's/y.bag" and parameters["/use_sim_time"] is True
-    assert parameters["/playback_monitor/bag"] == "~/x.bag" and parameters["/playback_monitor/rate"] == 2.5
-    assert parameters["/playback_monitor/images"][0] == IMAGE and parameters["/playback_monitor/exit_at_end"] is True
-    # With a camera_file nothing needs camera_info.
-    needed = parameters["/playback_monitor/subscribers"]
-    assert ["camera_info", "ground_scale_vo_manager"] in needed and parameters["/playback_monitor/camera_info"] == INFO
-    _, _, parameters, _ = loaded("kitti.launch", "bag:=/x.bag", "camera_file:=~/c.yaml")
-    assert ["camera_info", "ground_scale_vo_manager"] not in parameters["/playback_monitor/subscribers"]
-    assert parameters["/playback_monitor/camera_info"] == ""
-    assert parameters["/mono_vo/camera_file"] == "~/c.yaml"
-    # With a base_frame the mounting is on /tf_static.
-    _, remappings, _, _ = loaded("kitti.launch", "bag:=/x.bag", "base_frame:=base_link")
-    for node in ("/playback_monitor", "/ground_truth_relay"):
-        assert remappings[node]["ground_truth/tf_static"] == "/tf_static"
 
 
 @pytest.mark.parametrize("image, height", [("", 1.65), ("/kitti/camera_gray_left/image_raw", 1.65),

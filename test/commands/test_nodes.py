@@ -4,7 +4,6 @@ import importlib.machinery
 import importlib.util
 import math
 import re
-import shlex
 import signal
 
 import bags
@@ -177,17 +176,9 @@ def test_a_damaged_bag_is_refused(monitor, damaged_bag):
         monitor.BagSummary(str(damaged_bag), [bags.IMAGE], bags.INFO)
 
 
-def test_parts_of_a_recording(monitor, bag, tmp_path, monkeypatch):
-    """The order of the words does not matter."""
-    monkeypatch.setenv("HOME", str(tmp_path))
-    parts = bags.split(bag, tmp_path)
-    whole = monitor.BagSummary(str(bag), [bags.IMAGE], bags.INFO)
-    words = [shlex.quote(str(parts[1])), '"~/it\'s a drive/half 1.bag"']
-    for text in (" ".join(words), " ".join(words[::-1])):
-        summary = monitor.BagSummary(text, ["/camera/jpeg"], "/camera/camera_info")
-        assert sorted(summary.files) == sorted(map(str, parts))
-        assert (summary.images, summary.last_image) == (whole.images, whole.last_image)
-    assert monitor.bag_files(str(parts[1])) == [str(parts[1])]
+def test_the_words_of_several_bags(monitor, tmp_path):
+    (tmp_path / "it's.bag").touch()
+    assert monitor.bag_files(f"{tmp_path}/it's.bag") == [f"{tmp_path}/it's.bag"]
     with pytest.raises(monitor.PlaybackError, match="there is no bag /none/it's.bag$"):
         monitor.bag_files("/none/it's.bag")
     with pytest.raises(monitor.PlaybackError, match=re.escape('bag:="$PWD/a.bag $PWD/b.bag"')):

@@ -38,7 +38,7 @@ class MonoVo {
     if (!camera) return;
     cv::Mat grey;
     try {
-      grey = input_.grey(image).clone();  // outlives the message
+      grey = input_.grey(pixelsOf(fromMsg(image)), image.encoding).clone();  // outlives the message
     } catch (const DataError&) {
       return;
     }

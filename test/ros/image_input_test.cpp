@@ -21,9 +21,7 @@ sensor_msgs::CameraInfo infoOf(double fx, double k1 = 0) {
   return info;
 }
 
-sensor_msgs::Image uniformImage(int width, int height) {
-  return *toMsg(cv::Mat(height, width, CV_8UC1, cv::Scalar(100)), "mono8", {});
-}
+cv::Mat uniformImage(int width, int height) { return {height, width, CV_8UC1, cv::Scalar(100)}; }
 
 TEST(CameraInput, ReplacesItsCameraOnlyForAnotherValidCalibration) {
   for (const double k1 : {0.0, -0.2}) {
@@ -72,24 +70,12 @@ TEST_F(CameraFile, ThatCannotBeUsedIsRefused) {
 
 class MaskFile : public TemporaryFolder {
  protected:
-  /// White but for its first row.
-  std::string writeMask(int width, int height, int type = CV_8UC1) const {
-    cv::Mat mask(height, width, type, cv::Scalar::all(255));
-    mask.row(0).setTo(0);
+  std::string writeMask(int width, int height) const {
     const std::string file = folder_ / "mask.png";
-    EXPECT_TRUE(cv::imwrite(file, mask));
+    EXPECT_TRUE(cv::imwrite(file, cv::Mat(height, width, CV_8UC1, cv::Scalar(255))));
     return file;
   }
 };
-
-TEST_F(MaskFile, MayBeInColour) {  // as most drawing programs write it
-  for (const int type : {CV_8UC1, CV_8UC3}) {
-    const cv::Mat mask = CameraInput(false, writeMask(8, 6, type)).mask();
-    ASSERT_EQ(mask.size(), cv::Size(8, 6));
-    EXPECT_EQ(cv::countNonZero(mask), 8 * 5);
-    EXPECT_EQ(cv::countNonZero(mask.row(0)), 0);
-  }
-}
 
 TEST_F(MaskFile, HasTheSizeOfThePublishedImages) {
   const std::string file = writeMask(3, 2);
@@ -114,37 +100,11 @@ TEST_F(MaskFile, HasTheSizeOfThePublishedImages) {
 TEST_F(MaskFile, ThatCannotBeReadIsRefused) {
   const std::string truncated = writeMask(80, 60);
   std::filesystem::resize_file(truncated, std::filesystem::file_size(truncated) - 40);
-  const std::pair<std::string, std::string> kCases[] = {
-      {folder_ / "missing.png", ": no such file"},
-      {write("text.png", "no image"), ": is not a whole PNG or JPEG image"},
-      {truncated, ": is not a whole PNG or JPEG image"}};
-  for (const auto& [file, reason] : kCases) {
-    expectThrows<OptionError>([&, file = file] { CameraInput(false, file); },
-                              "parameter mask: " + file + reason);
-  }
+  expectThrows<OptionError>([&] { CameraInput(false, truncated); },
+                            "parameter mask: " + truncated + ": is not a whole PNG or JPEG image");
 }
 
 using Guard = SourceGuard<std::string>;
-
-TEST(SourceGuard, ASourceThatKeepsChangingStaysInUseUntilItSettles) {
-  for (const bool returns : {false, true}) {  // every second message is the same
-    Guard guard;
-    for (const char* source : {"a", "b", "c"}) guard.accepts(source);
-    for (int i = 0; i < 300; ++i) {
-      EXPECT_FALSE(guard.accepts(std::to_string(i)));
-      if (returns) {
-        EXPECT_TRUE(guard.accepts("c"));
-      }
-      EXPECT_EQ(guard.refused(), std::to_string(i));
-      EXPECT_EQ(guard.current(), "c");
-    }
-    for (int i = 0; i < Guard::kMemory - 1; ++i) {
-      EXPECT_FALSE(guard.accepts("d"));
-    }
-    EXPECT_TRUE(guard.accepts("d"));
-    EXPECT_FALSE(guard.refused());
-  }
-}
 
 TEST(SourceGuard, TheFirstOfTwoAlternatingSourcesStaysInUseUntilOneEnds) {
   for (const int ratio : {2, 50}) {

@@ -13,7 +13,7 @@
 #include <string>
 #include <vector>
 
-#include "topic_recorder.hpp"
+#include "graph.hpp"
 
 namespace ground_scale_vo {
 

@@ -224,25 +224,6 @@ TEST_F(Graph, AMountingThatTheRoadContradictsIsReportedUntilAResetFindsAnother) 
   EXPECT_EQ(lines(text), 1);  // not with every image
 }
 
-TEST_F(Graph, AMountingThatIsNotSupportedIsReportedWithoutABase) {
-  SyntheticDrive::Options options = smallDrive(30);
-  options.camera.height *= 2;
-  options.camera.cy = (options.camera.height - 1) / 2.0;
-  options.roll_rad = 25 * kRadPerDeg;
-  const RenderedDrive rolled(options);
-  NodeletPair pair(manager_, rolled, "/rolled");
-  ASSERT_TRUE(pair.load());
-  ASSERT_TRUE(pair.play(0, rolled.size() - 1));
-  const std::string text = "on the road the camera has pitch ";
-  EXPECT_TRUE(diagnostics_.waitForStatus("rolled/scale_recovery", [&](const Status& status) {
-    const std::size_t at = status.message.find(text);
-    return status.level == Status::WARN && at != std::string::npos &&
-           status.message.find(" deg and roll 2", at) != std::string::npos;  // 20 to 29
-  }));
-  EXPECT_TRUE(waitForLine("/rolled/scale_recovery: " + text));
-  EXPECT_EQ(lines(text), 1);
-}
-
 // The camera slides forward on its base by 0.1 m per image. The transforms of the last images but
 // one are published after the scale, i.e. while the nodelet waits for them; at least one of them
 // comes in time. The transform of one image before is missing: it gets no pose. The pitch of 8

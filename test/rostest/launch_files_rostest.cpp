@@ -34,7 +34,7 @@ bool waitForScale(NodeletTopics& topics, const std::string& camera_frame) {
   return false;
 }
 
-TEST(TwoVehicles, BothPairsRunIndependently) {
+TEST(LaunchFiles, TwoVehiclesRunIndependently) {
   NodeletTopics first("/first", kImage, kCameraInfo), second("/second", kImage, kCameraInfo);
   ASSERT_TRUE(waitForScale(first, "first/camera"));
   EXPECT_EQ(second.frames.count(), 0u);
@@ -75,7 +75,7 @@ sensor_msgs::PointCloud mapPoints(const VoFrame& frame, const std_msgs::Header& 
   return tracks;
 }
 
-TEST(AnotherVo, GetsMetricPoses) {
+TEST(LaunchFiles, AnotherVoGetsMetricPoses) {
   ros::NodeHandle handle("other");
   const ros::Publisher odometries = handle.advertise<nav_msgs::Odometry>("another_vo/odometry", 10);
   const ros::Publisher clouds = handle.advertise<sensor_msgs::PointCloud>("another_vo/tracks", 10);

@@ -8,7 +8,6 @@
 #include <optional>
 #include <string>
 
-#include "diagnostics_recorder.hpp"
 #include "nodelet_pair.hpp"
 
 namespace ground_scale_vo {

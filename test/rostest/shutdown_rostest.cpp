@@ -8,8 +8,7 @@
 #include <thread>
 
 #include "child_process.hpp"
-#include "manager_client.hpp"
-#include "rendered_camera.hpp"
+#include "nodelet_pair.hpp"
 #include "support/long_tests.hpp"
 
 namespace ground_scale_vo {

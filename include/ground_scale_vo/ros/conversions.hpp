@@ -82,9 +82,8 @@ RawImage fromMsg(const sensor_msgs::Image& image);
 sensor_msgs::ImagePtr toMsg(const cv::Mat& pixels, const std::string& encoding,
                             const std_msgs::Header& header);
 
-/// Decodes a JPEG or PNG image without the plugin of image_transport, which Debian lacks. Throws
-/// DataError.
-sensor_msgs::ImagePtr decode(const sensor_msgs::CompressedImage& image);
+/// decodePixels(), without the plugin of image_transport, which Debian lacks. Throws DataError.
+cv::Mat decode(const sensor_msgs::CompressedImage& image);
 
 /// camera_info of images with plumb_bob or no distortion.
 sensor_msgs::CameraInfo toCameraInfo(const CameraCalibration& calibration);

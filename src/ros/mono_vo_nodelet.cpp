@@ -96,7 +96,6 @@ class MonoVoNodelet : public StageNodelet {
 
   std::unique_ptr<SelfCalibratingOdometry> odometry_;  ///< null: the next image starts one
   Camera odometry_camera_;
-  TrackPainter painter_;
   std::optional<VoFrame> last_frame_;  ///< of odometry_
 
   ros::Publisher frame_publisher_, image_publisher_, mask_publisher_, odometry_publisher_,
@@ -285,7 +284,6 @@ void MonoVoNodelet::startOdometry(const Camera& camera, bool clock_jumped_back) 
   reset();
   odometry_ = std::make_unique<SelfCalibratingOdometry>(*camera, params_.odometry, input_->mask());
   odometry_camera_ = camera;
-  painter_ = TrackPainter();
 }
 
 void MonoVoNodelet::publish(const SelfCalibratingOdometry::Output& output,
@@ -309,7 +307,8 @@ void MonoVoNodelet::publish(const SelfCalibratingOdometry::Output& output,
     points_publisher_.publish(toPointCloud(frame, header, 1));
   }
   if (tracks_publisher_.getNumSubscribers() > 0) {
-    tracks_publisher_.publish(painter_.paint(output.image, frame, output.rejected, header));
+    tracks_publisher_.publish(paintTracks(
+        output.image, frame, last_frame_ ? &*last_frame_ : nullptr, output.rejected, header));
   }
   if (has_other_lens) publishLens(header);
 }

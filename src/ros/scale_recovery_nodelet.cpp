@@ -76,10 +76,8 @@ class ScaleRecoveryNodelet : public StageNodelet {
 
   void publish(const ScaleRecovery::Output& output, const VoFrame& frame, const CameraImage& image,
                const std_msgs::Header& header);
-  /// Checks the measured mounting, that from tf, the camera height and the speeds.
-  void check(const ScaleRecovery::Output& output, const VoFrame& frame);
-  /// Keeps what the diagnostics report about the frame.
-  void record(ScaleRecovery::Output output, std::int64_t stamp_ns, bool has_image);
+  /// Keeps what the diagnostics report about the frame, and logs its warnings.
+  void record(ScaleRecovery::Output output, const VoFrame& frame, bool has_image);
   std::string imageState() const;
   std::string saveHeight() const;
 
@@ -252,8 +250,7 @@ void ScaleRecoveryNodelet::process(ReceivedFrame received,
   }
   unprocessed_ = Continuity::kSameMap;
   publish(output, frame, image, received.header);
-  check(output, frame);
-  record(std::move(output), frame.stamp_ns, !image.grey.empty());
+  record(std::move(output), frame, !image.grey.empty());
   countFrame(watch);
 }
 
@@ -294,7 +291,8 @@ void ScaleRecoveryNodelet::publish(const ScaleRecovery::Output& output, const Vo
   }
 }
 
-void ScaleRecoveryNodelet::check(const ScaleRecovery::Output& output, const VoFrame& frame) {
+void ScaleRecoveryNodelet::record(ScaleRecovery::Output output, const VoFrame& frame,
+                                  bool has_image) {
   report_.turn_axis.add(frame);
   const auto& tf = output_->frames();
   const bool is_mounted =
@@ -311,20 +309,17 @@ void ScaleRecoveryNodelet::check(const ScaleRecovery::Output& output, const VoFr
                                " is not along x, so its length without a sign is used");
   }
   for (const std::string& warning : report_.warnings) log_->warnOfState(warning);
-}
 
-void ScaleRecoveryNodelet::record(ScaleRecovery::Output output, std::int64_t stamp_ns,
-                                  bool has_image) {
   last_frame_had_image_ = has_image;
   if (has_image) ++with_image_;
   if (output.direct.plane.height > 0) ++with_direct_;
-  report_.stamp_ns = stamp_ns;
-  if (output.scale.status == ScaleStatus::kOk) report_.measured_ns = stamp_ns;
+  report_.stamp_ns = frame.stamp_ns;
+  if (output.scale.status == ScaleStatus::kOk) report_.measured_ns = frame.stamp_ns;
   if (output.scale.status != ScaleStatus::kHeld ||
       output.scale.measurement == MeasurementStatus::kStandstill) {
     report_.held_since_ns.reset();
   } else if (!report_.held_since_ns) {
-    report_.held_since_ns = stamp_ns;
+    report_.held_since_ns = frame.stamp_ns;
   }
   if (output.pose) report_.distance_m = output.pose->distance;
   report_.last = std::move(output);

@@ -155,24 +155,23 @@ void drawScale(Canvas& canvas, const ScaleEstimate& scale) {
 
 }  // namespace
 
-sensor_msgs::Image::Ptr TrackPainter::paint(const CameraImage& image, const VoFrame& frame,
-                                            const std::vector<RejectedFeature>& rejected,
-                                            const std_msgs::Header& header) {
+sensor_msgs::Image::Ptr paintTracks(const CameraImage& image, const VoFrame& frame,
+                                    const VoFrame* previous,
+                                    const std::vector<RejectedFeature>& rejected,
+                                    const std_msgs::Header& header) {
   Canvas canvas(image);
-  if (frame.sequence != last_sequence_ + 1) last_.clear();
-  std::map<std::uint64_t, Eigen::Vector2f> now;
+  const std::vector<TrackedFeature> none;
+  const std::vector<TrackedFeature>& old = previous ? previous->features : none;
+  auto before = old.begin();  // both are in the order of their ids
   for (const TrackedFeature& feature : frame.features) {
     const cv::Scalar colour = ageColour(feature.age);
-    const auto before = last_.find(feature.id);
-    if (before != last_.end()) {
-      cv::line(canvas.image(), toPixel(before->second), toPixel(feature.u), colour,
-               canvas.scaled(1), cv::LINE_AA);
+    while (before != old.end() && before->id < feature.id) ++before;
+    if (before != old.end() && before->id == feature.id) {
+      cv::line(canvas.image(), toPixel(before->u), toPixel(feature.u), colour, canvas.scaled(1),
+               cv::LINE_AA);
     }
     canvas.dot(toPixel(feature.u), colour, feature.has_point);
-    now.emplace_hint(now.end(), feature.id, feature.u);
   }
-  last_.swap(now);
-  last_sequence_ = frame.sequence;
   for (const RejectedFeature& feature : rejected) {
     const bool is_outlier = feature.is_outlier;
     cv::drawMarker(canvas.image(), toPixel(feature.u),

@@ -6,8 +6,6 @@
 #include <visualization_msgs/Marker.h>
 
 #include <Eigen/Core>
-#include <map>
-#include <string>
 #include <vector>
 
 #include "ground_scale_vo/input/image.hpp"
@@ -18,20 +16,14 @@
 // Messages for visualisation only.
 namespace ground_scale_vo {
 
-/// Draws the feature tracks of a frame, coloured by age, and its rejected features, with a legend.
-class TrackPainter {
- public:
-  /// image: of the frame; drawn darker, its masked pixels tinted. Filled dots have a map point,
-  /// hollow ones do not yet. A line leads to the position in the previous image, if that was drawn.
-  /// Red crosses are outliers, pink ones features that were not found.
-  sensor_msgs::Image::Ptr paint(const CameraImage& image, const VoFrame& frame,
-                                const std::vector<RejectedFeature>& rejected,
-                                const std_msgs::Header& header);
-
- private:
-  std::uint32_t last_sequence_ = 0;
-  std::map<std::uint64_t, Eigen::Vector2f> last_;  ///< pixels of the last drawn frame
-};
+/// Draws the feature tracks of a frame over its image, which is drawn darker, with its masked
+/// pixels tinted. Coloured by age: filled dots have a map point, hollow ones do not yet; lines lead
+/// to the positions in the previous frame, if that is not null. Red crosses are outliers, pink ones
+/// features that were not found.
+sensor_msgs::Image::Ptr paintTracks(const CameraImage& image, const VoFrame& frame,
+                                    const VoFrame* previous,
+                                    const std::vector<RejectedFeature>& rejected,
+                                    const std_msgs::Header& header);
 
 /// Draws the estimated ground plane over the image of the frame: a grid of 1 m (green: scale
 /// measured, amber: held, none while unknown), ground points (green), other points (hollow grey),

@@ -47,13 +47,13 @@ class MonoVo {
         camera_ = camera;
         odometry_ =
             std::make_unique<SelfCalibratingOdometry>(*camera, SelfCalibratingOdometry::Options());
-        painter_ = TrackPainter();
       }
       const auto output = odometry_->process(grey, toNanoseconds(header.stamp));
       check(*toMsg(output.frame, header));
       check(*toOdometryMsg(output.frame, header, "vo_world"));
       toPointCloud(output.frame, header, 1);
-      painter_.paint(output.image, output.frame, output.rejected, header);
+      paintTracks(output.image, output.frame, &last_, output.rejected, header);
+      last_ = output.frame;
     };
     filter_.add(toNanoseconds(image.header.stamp), process);
   }
@@ -63,7 +63,7 @@ class MonoVo {
   StampFilter filter_{1.0, [](const std::string&) {}};
   std::shared_ptr<const CameraCalibration> camera_;
   std::unique_ptr<SelfCalibratingOdometry> odometry_;
-  TrackPainter painter_;
+  VoFrame last_;
 };
 
 /// Changes one property of the message.

@@ -44,14 +44,14 @@ CameraImage rightMasked() {
   return image;
 }
 
-TEST(TrackPainter, MarksShowAgePointRejectionAndMask) {
+TEST(TrackPainting, MarksShowAgePointRejectionAndMask) {
   VoFrame frame;
   frame.features = {feature(1, 100, 0), feature(2, 150, 5), feature(3, 200, 100),
                     feature(4, 300, 10, false), feature(5, kImageWidth - 1, 3)};
   std_msgs::Header header;
   header.frame_id = "camera";
   const auto message =
-      TrackPainter().paint(rightMasked(), frame, {{6, {400.f, kRow}, true}}, header);
+      paintTracks(rightMasked(), frame, nullptr, {{6, {400.f, kRow}, true}}, header);
   EXPECT_EQ(message->encoding, "bgr8");
   EXPECT_EQ(message->header.frame_id, "camera");
   const auto at = [&](float u) { return pixelOf(*message, u, kRow); };

@@ -1,55 +1,29 @@
 #include "ground_scale_vo/scale/scale_estimate.hpp"
 
+#include <cstddef>
+
 namespace ground_scale_vo {
+namespace {
+
+/// In the order of the enumerators.
+template <typename Enum, std::size_t n>
+const char* nameOf(Enum value, const char* const (&names)[n]) {
+  const auto i = static_cast<std::size_t>(value);
+  return i < n ? names[i] : "invalid";
+}
+
+}  // namespace
 
 const char* toString(ScaleSource source) {
-  switch (source) {
-    case ScaleSource::kNone:
-      return "none";
-    case ScaleSource::kRoad:
-      return "road";
-    case ScaleSource::kSpeed:
-      return "speed";
-    case ScaleSource::kBoth:
-      return "both";
-  }
-  return "invalid";
+  return nameOf(source, {"none", "road", "speed", "both"});
 }
 
-const char* toString(ScaleStatus status) {
-  switch (status) {
-    case ScaleStatus::kUnknown:
-      return "unknown";
-    case ScaleStatus::kOk:
-      return "ok";
-    case ScaleStatus::kHeld:
-      return "held";
-  }
-  return "invalid";
-}
+const char* toString(ScaleStatus status) { return nameOf(status, {"unknown", "ok", "held"}); }
 
 const char* toString(MeasurementStatus status) {
-  switch (status) {
-    case MeasurementStatus::kMeasured:
-      return "none";
-    case MeasurementStatus::kVoNotTracking:
-      return "vo_not_tracking";
-    case MeasurementStatus::kStandstill:
-      return "standstill";
-    case MeasurementStatus::kTooFewTriangles:
-      return "too_few_triangles";
-    case MeasurementStatus::kTooFewGroundPoints:
-      return "too_few_ground_points";
-    case MeasurementStatus::kNoPlane:
-      return "no_plane";
-    case MeasurementStatus::kPlaneTilted:
-      return "plane_tilted";
-    case MeasurementStatus::kRejectedByFilter:
-      return "rejected_by_filter";
-    case MeasurementStatus::kImplausibleMotion:
-      return "implausible_motion";
-  }
-  return "invalid";
+  return nameOf(status, {"none", "vo_not_tracking", "standstill", "too_few_triangles",
+                         "too_few_ground_points", "no_plane", "plane_tilted", "rejected_by_filter",
+                         "implausible_motion"});
 }
 
 }  // namespace ground_scale_vo

@@ -288,11 +288,6 @@ void calibrateLens(const std::vector<py::object>& drives, const std::vector<std:
   }
   const auto first = drives.front()().cast<ReaderPtr>();
   const gsv::CameraCalibration given = first->drive->camera();
-  if (!given.hasLens()) {
-    throw gsv::DataError(names.front() + ": the distortion is " + given.describe() +
-                         ", calibrate estimates plumb_bob with at most 5 coefficients; calibrate "
-                         "the camera with that, or rectify the images");
-  }
   const gsv::Lens start = gsv::lensOf(given);
   gsv::LensCalibration::Options options;
   if (is_rough) options.expectRoughStart(start.camera.width);

@@ -2,6 +2,8 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <chrono>
+#include <future>
 #include <map>
 #include <optional>
 #include <utility>
@@ -13,14 +15,12 @@ namespace {
 /// abandoned when it has no map.
 constexpr std::size_t kMinWarmUp = 8, kMaxWarmUp = 40;
 
-/// The undistortion by a refined lens, or by the calibration as it is given.
-Undistortion undistortionBy(const LensEstimate& lens, const CameraCalibration& camera,
-                            const cv::Mat& mask) {
-  if (!lens.isEstimate()) return Undistortion(camera, mask);
+/// The refined lens, or the calibration as it is given.
+CameraCalibration calibrationBy(const LensEstimate& lens, const CameraCalibration& camera) {
+  if (!lens.isEstimate()) return camera;
   CameraCalibration refined = calibrationOf(lens.lens);
-  if (!camera.hasLens()) return Undistortion(camera, mask, refined);
   refined.is_part = camera.is_part;
-  return Undistortion(refined, mask);
+  return refined;
 }
 
 }  // namespace
@@ -32,7 +32,7 @@ class LensOdometry {
   LensOdometry(const LensEstimate& lens, const CameraCalibration& camera,
                const VisualOdometry::Options& options, const cv::Mat& mask)
       : lens_(lens),
-        undistortion_(undistortionBy(lens, camera, mask)),
+        undistortion_(calibrationBy(lens, camera), mask),
         vo_(undistortion_.camera(), options, undistortion_.mask()) {}
 
   const LensEstimate& lens() const { return lens_; }
@@ -100,12 +100,14 @@ struct SelfCalibratingOdometry::Impl {
             std::make_unique<LensOdometry>(LensEstimate{lensOf(camera)}, camera, options.vo, mask)),
         refinement(current->lens().lens, options.refinement) {}
 
-  void warmUp(const cv::Mat& image, Output* output);
+  void startNext(const cv::Mat& image, Output* output);
+  void warmUp(Output other, Output* output);
 
   const Options options;
   const CameraCalibration camera;  ///< of the images as they come, as is the mask
   const cv::Mat mask;
   std::unique_ptr<LensOdometry> current, next;
+  std::future<std::unique_ptr<LensOdometry>> prepared;  ///< becomes `next`
   LensRefinement refinement;
   std::optional<LensEstimate> better_lens;  ///< until `current` has it
   std::uint64_t first_unused_id = 0;
@@ -113,11 +115,26 @@ struct SelfCalibratingOdometry::Impl {
   std::map<std::int64_t, Eigen::Vector3d> positions_w;
 };
 
-/// The same image through `next`, which replaces `current` when it has a map: *output becomes its
-/// output then.
-void SelfCalibratingOdometry::Impl::warmUp(const cv::Mat& image, Output* output) {
+/// Prepares an odometry with the better lens, on another thread, as it takes longer than an image.
+/// At a keyframe it becomes `next`, and the image is its first one.
+void SelfCalibratingOdometry::Impl::startNext(const cv::Mat& image, Output* output) {
+  if (!prepared.valid()) {
+    prepared = std::async(std::launch::async, [lens = *better_lens, this] {
+      return std::make_unique<LensOdometry>(lens, camera, options.vo, mask);
+    });
+  }
+  if (!output->frame.keyframe) return;
+  const bool is_ready = prepared.wait_for(std::chrono::seconds(0)) == std::future_status::ready;
+  if (!is_ready && !options.refinement.deterministic) return;
+  next = prepared.get();
+  positions_w.clear();
+  warmUp(next->process(image, output->frame.stamp_ns), output);
+}
+
+/// other: the output of `next` for the same image. It replaces `current` when it has a map: *output
+/// becomes its output then.
+void SelfCalibratingOdometry::Impl::warmUp(Output other, Output* output) {
   const VoFrame& last = output->frame;
-  Output other = next->process(image, last.stamp_ns);
   positions_w.emplace(last.stamp_ns, last.T_w_c.translation());
   const bool is_lost =
       last.status != VoStatus::kTracking || other.frame.continuity == Continuity::kNewMap;
@@ -131,7 +148,7 @@ void SelfCalibratingOdometry::Impl::warmUp(const cv::Mat& image, Output* output)
   if (!(own_length > 0 && length > 0)) return;
   next->continueFrom(last, other.frame, length / own_length, first_unused_id);
   next->report(&other);
-  other.times.total += output->times.total;
+  other.times.total = std::max(other.times.total, output->times.total);
   other.frame.continuity = Continuity::kOtherLens;
   *output = std::move(other);
   current = std::move(next);
@@ -148,6 +165,12 @@ SelfCalibratingOdometry::~SelfCalibratingOdometry() = default;
 SelfCalibratingOdometry::Output SelfCalibratingOdometry::process(const cv::Mat& image,
                                                                  std::int64_t stamp_ns) {
   Impl& s = *impl_;
+  // At the same time: the latency does not grow.
+  std::future<Output> of_next;
+  if (s.next) {
+    of_next = std::async(std::launch::async,
+                         [&next = *s.next, &image, stamp_ns] { return next.process(image, stamp_ns); });
+  }
   Output output = s.current->process(image, stamp_ns);
   if (!s.options.refine_camera) return output;
   for (const TrackedFeature& feature : output.frame.features) {
@@ -157,11 +180,11 @@ SelfCalibratingOdometry::Output SelfCalibratingOdometry::process(const cv::Mat& 
     const Lens& in_use = s.current->lens().lens;
     s.better_lens = s.refinement.add(withDistortedFeatures(output.frame, in_use), in_use);
   }
-  if (s.better_lens && !s.next && output.frame.keyframe) {
-    s.next = std::make_unique<LensOdometry>(*s.better_lens, s.camera, s.options.vo, s.mask);
-    s.positions_w.clear();
+  if (of_next.valid()) {
+    s.warmUp(of_next.get(), &output);
+  } else if (s.better_lens) {
+    s.startNext(image, &output);
   }
-  if (s.next) s.warmUp(image, &output);
   return output;
 }
 

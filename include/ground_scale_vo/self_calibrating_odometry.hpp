@@ -53,8 +53,8 @@ class SelfCalibratingOdometry {
   /// otherwise). Precondition: stamps increase.
   Output process(const cv::Mat& image, std::int64_t stamp_ns);
 
-  /// Lens of the images as they come, or of the rectified ones unless CameraCalibration::hasLens(),
-  /// as used in the last frame. Its covariance is zero before the first change.
+  /// Lens of the images as they come, as used in the last frame. Its covariance is zero before the
+  /// first change.
   const LensEstimate& lens() const;
 
  private:

@@ -75,15 +75,6 @@ void require(const cv::Mat& image, const PinholeCamera& camera, const std::strin
                     sizeText(camera.width, camera.height));
 }
 
-CameraCalibration::Pixels mapped(DistortionModel::Map* map, const CameraCalibration& c,
-                                 CameraCalibration::Pixels pixels) {
-  for (cv::Point2d& u : pixels) u = {(u.x - c.cx) / c.fx, (u.y - c.cy) / c.fy};
-  CameraCalibration::Pixels result;
-  map(pixels, c.distortion, &result);
-  for (cv::Point2d& u : result) u = {c.fx * u.x + c.cx, c.fy * u.y + c.cy};
-  return result;
-}
-
 }  // namespace
 
 double PinholeCamera::k1Sigma() const {
@@ -120,7 +111,7 @@ bool CameraCalibration::isDistorted() const {
          std::any_of(distortion.begin(), distortion.end(), [](double k) { return k != 0; });
 }
 
-bool CameraCalibration::hasLens() const {
+bool CameraCalibration::isPlumbBob() const {
   return model->is_brown_conrady && distortion.size() <= 5;
 }
 
@@ -139,11 +130,21 @@ void CameraCalibration::setDistortion(const std::string& name,
 }
 
 CameraCalibration::Pixels CameraCalibration::distorted(const Pixels& pixels) const {
-  return mapped(model->distort, *this, pixels);
+  Pixels result;
+  for (const cv::Point2d& u : pixels) {
+    const Eigen::Vector2d x((u.x - cx) / fx, (u.y - cy) / fy);
+    const Eigen::Vector2d d = model->distort(x, distortion, nullptr);
+    result.emplace_back(fx * d.x() + cx, fy * d.y() + cy);
+  }
+  return result;
 }
 
 CameraCalibration::Pixels CameraCalibration::undistorted(const Pixels& pixels) const {
-  return mapped(model->undistort, *this, pixels);
+  Pixels points, result;
+  for (const cv::Point2d& u : pixels) points.emplace_back((u.x - cx) / fx, (u.y - cy) / fy);
+  model->undistort(points, distortion, &result);
+  for (cv::Point2d& u : result) u = {fx * u.x + cx, fy * u.y + cy};
+  return result;
 }
 
 void CameraCalibration::validate() const {

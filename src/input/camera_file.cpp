@@ -249,7 +249,9 @@ std::string cameraYaml(const CameraCalibration& camera, const std::string& comme
   std::istringstream lines(comment);
   for (std::string line; std::getline(lines, line);) text += "# " + line + "\n";
   std::vector<double> d = camera.distortion;
-  d.resize(5);
+  if (camera.isPlumbBob()) d.resize(5);
+  std::string coefficients;
+  for (const double k : d) coefficients += format(coefficients.empty() ? "%.8f" : ", %.8f", k);
   const auto matrix = [](const char* name, int rows, int columns, const std::string& data) {
     return format("%s:\n  rows: %d\n  cols: %d\n  data: [", name, rows, columns) + data + "]\n";
   };
@@ -257,9 +259,8 @@ std::string cameraYaml(const CameraCalibration& camera, const std::string& comme
                     below = format("%.6f, %.6f, ", camera.fy, camera.cy);
   return text + format("image_width: %d\nimage_height: %d\n", camera.width, camera.height) +
          "camera_name: camera\n" + matrix("camera_matrix", 3, 3, f_c + "0, " + below + "0, 0, 1") +
-         "distortion_model: plumb_bob\n" +
-         matrix("distortion_coefficients", 1, 5,
-                format("%.8f, %.8f, %.8f, %.8f, %.8f", d[0], d[1], d[2], d[3], d[4])) +
+         "distortion_model: " + camera.model->names.front() + "\n" +
+         matrix("distortion_coefficients", 1, static_cast<int>(d.size()), coefficients) +
          matrix("rectification_matrix", 3, 3, "1, 0, 0, 0, 1, 0, 0, 0, 1") +
          matrix("projection_matrix", 3, 4, f_c + "0, 0, " + below + "0, 0, 0, 1, 0") +
          (camera.estimated ? "estimated_from_drives: true\n" : "") +

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <Eigen/Core>
 #include <cstddef>
 #include <opencv2/core.hpp>
 #include <string>
@@ -12,7 +13,10 @@ struct DistortionModel {
   using Names = std::vector<std::string>;
   using Points = std::vector<cv::Point2d>;   ///< normalised image coordinates
   using Coefficients = std::vector<double>;  ///< in OpenCV's order
-  using Map = void(const Points& from, const Coefficients& coefficients, Points* to);
+  /// Of one point x; jacobian: d(result) / dx, if given.
+  using Distort = Eigen::Vector2d(const Eigen::Vector2d& x, const Coefficients& coefficients,
+                                  Eigen::Matrix2d* jacobian);
+  using Undistort = void(const Points& from, const Coefficients& coefficients, Points* to);
 
   /// Throws OptionError: a wrong number of coefficients, or one that is not plausible.
   void validate(const Coefficients& coefficients) const;
@@ -23,7 +27,8 @@ struct DistortionModel {
   /// Valid numbers of coefficients, ascending. With 0: none, or zeros, mean no distortion.
   std::vector<std::size_t> counts;
   bool is_brown_conrady = false;  ///< the first coefficients are those of plumb_bob
-  Map *distort, *undistort;
+  Distort* distort;
+  Undistort* undistort;
 };
 
 /// The first one is plumb_bob.

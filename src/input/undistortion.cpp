@@ -7,22 +7,20 @@
 
 namespace ground_scale_vo {
 
-Undistortion::Undistortion(const CameraCalibration& camera, const cv::Mat& mask,
-                           const std::optional<CameraCalibration>& rest) {
+Undistortion::Undistortion(const CameraCalibration& camera, const cv::Mat& mask) {
   camera.validate();
   if (!camera.hasSize()) throw OptionError("the image size of the calibration is not known");
-  camera_ = pinholeOf(rest.value_or(camera));
+  camera_ = pinholeOf(camera);
   requireMask(mask, camera_);
   const cv::Size size(camera.width, camera.height);
-  if (camera.isDistorted() || rest) {
+  if (camera.isDistorted()) {
     // The fixed-point maps of cv::initUndistortRectifyMap: whole pixels, and 1/32 of a pixel.
     map1_.create(size, CV_16SC2);
     map2_.create(size, CV_16UC1);
     for (int v = 0; v < size.height; ++v) {
       CameraCalibration::Pixels row;
       for (int u = 0; u < size.width; ++u) row.emplace_back(u, v);
-      const CameraCalibration::Pixels distorted =
-          camera.distorted(rest ? rest->distorted(row) : row);
+      const CameraCalibration::Pixels distorted = camera.distorted(row);
       for (int u = 0; u < size.width; ++u) {
         const cv::Point_<int> raw(distorted[static_cast<std::size_t>(u)] * cv::INTER_TAB_SIZE);
         const int x = raw.x & (cv::INTER_TAB_SIZE - 1), y = raw.y & (cv::INTER_TAB_SIZE - 1);

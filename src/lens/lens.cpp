@@ -3,8 +3,12 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Geometry>
 #include <Eigen/LU>
+#include <Eigen/QR>
 #include <cmath>
+#include <utility>
 #include <vector>
+
+#include "input/distortion_model.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -12,9 +16,65 @@ namespace {
 constexpr int kMaxNewtonSteps = 20;
 constexpr double kConverged = 1e-12;  // [focal lengths]
 
+/// Rays of a grid of pixels of the image, without those that no rectified image can show.
+std::vector<Eigen::Vector2d> visibleRays(const Lens& lens) {
+  constexpr int kColumns = 32, kRows = 24;
+  constexpr double kMaxErrorPx = 0.01;
+  constexpr double kMaxTangent = 5;  // of the angle to the optical axis
+  std::vector<Eigen::Vector2d> rays;
+  for (int i = 0; i < kColumns * kRows; ++i) {
+    const Eigen::Vector2d u((lens.camera.width - 1.0) * (i % kColumns) / (kColumns - 1),
+                            (lens.camera.height - 1.0) * (i / kColumns) / (kRows - 1));
+    const Eigen::Vector2d x = lens.unproject(u);
+    if (x.norm() < kMaxTangent && (lens.project(x) - u).norm() < kMaxErrorPx) rays.push_back(x);
+  }
+  return rays;
+}
+
+/// Coefficients with which the model alone is the lens: Gauss-Newton from those that it has. The
+/// smallest step wins where they hardly differ in their effect, as those of a rational model do.
+std::vector<double> fittedCoefficients(const Lens& lens) {
+  constexpr int kSteps = 10;
+  constexpr double kDifference = 1e-5, kNegligible = 1e-9;
+  std::vector<double> result = lens.coefficients;
+  if (lens.k1 == 0 && lens.k2 == 0) return result;
+  const std::vector<Eigen::Vector2d> rays = visibleRays(lens);
+  const auto n = static_cast<Eigen::Index>(rays.size());
+  const auto residuals = [&](const std::vector<double>& coefficients) {
+    Eigen::VectorXd r(2 * n);
+    for (Eigen::Index i = 0; i < n; ++i) {
+      const Eigen::Vector2d& x = rays[static_cast<std::size_t>(i)];
+      r.segment<2>(2 * i) = lens.distort(x) - lens.model->distort(x, coefficients, nullptr);
+    }
+    return r;
+  };
+  Eigen::MatrixXd J(2 * n, static_cast<Eigen::Index>(result.size()));
+  for (int step = 0; step < kSteps; ++step) {
+    const Eigen::VectorXd r = residuals(result);
+    for (std::size_t k = 0; k < result.size(); ++k) {
+      std::vector<double> changed = result;
+      changed[k] += kDifference;
+      J.col(static_cast<Eigen::Index>(k)) = (r - residuals(changed)) / kDifference;
+    }
+    Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> solver;
+    solver.setThreshold(kNegligible);
+    const Eigen::VectorXd change = solver.compute(J).solve(r);
+    for (std::size_t k = 0; k < result.size(); ++k) {
+      result[k] += change[static_cast<Eigen::Index>(k)];
+    }
+  }
+  return result;
+}
+
 }  // namespace
 
-Eigen::Vector2d Lens::distort(const Eigen::Vector2d& x, Eigen::Matrix2d* jacobian) const {
+Eigen::Vector2d Lens::distortByModel(const Eigen::Vector2d& x, Eigen::Matrix2d* jacobian) const {
+  if (model) return model->distort(x, coefficients, jacobian);
+  if (jacobian) jacobian->setIdentity();
+  return x;
+}
+
+Eigen::Vector2d Lens::distortRest(const Eigen::Vector2d& x, Eigen::Matrix2d* jacobian) const {
   const double r2 = x.squaredNorm(), xy = x.x() * x.y();
   const double radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3));
   if (jacobian) {
@@ -22,7 +82,9 @@ Eigen::Vector2d Lens::distort(const Eigen::Vector2d& x, Eigen::Matrix2d* jacobia
     Eigen::Matrix2d tangential;
     tangential << 2 * p1 * x.y() + 6 * p2 * x.x(), 2 * p1 * x.x() + 2 * p2 * x.y(),
         2 * p1 * x.x() + 2 * p2 * x.y(), 6 * p1 * x.y() + 2 * p2 * x.x();
-    *jacobian = radial * Eigen::Matrix2d::Identity() + slope * x * x.transpose() + tangential;
+    const Eigen::Matrix2d d_x =
+        radial * Eigen::Matrix2d::Identity() + slope * x * x.transpose() + tangential;
+    *jacobian = model ? Eigen::Matrix2d(d_x * *jacobian) : d_x;
   }
   return radial * x + Eigen::Vector2d(2 * p1 * xy + p2 * (r2 + 2 * x.x() * x.x()),
                                       p1 * (r2 + 2 * x.y() * x.y()) + 2 * p2 * xy);
@@ -45,15 +107,25 @@ Eigen::Vector2d Lens::unproject(const Eigen::Vector2d& u) const {
 }
 
 Lens lensOf(const CameraCalibration& calibration) {
-  if (!calibration.hasLens()) return Lens(pinholeOf(calibration));
   std::vector<double> d = calibration.distortion;
+  if (!calibration.isPlumbBob()) {
+    Lens lens(pinholeOf(calibration));
+    lens.model = calibration.model;
+    lens.coefficients = std::move(d);
+    return lens;
+  }
   d.resize(5);
   return Lens(pinholeOf(calibration), d[0], d[1], d[4], d[2], d[3]);
 }
 
 CameraCalibration calibrationOf(const Lens& lens) {
   CameraCalibration calibration = withoutDistortion(lens.camera);
-  calibration.distortion = {lens.k1, lens.k2, lens.p1, lens.p2, lens.k3};
+  if (lens.model) {
+    calibration.model = lens.model;
+    calibration.distortion = fittedCoefficients(lens);
+  } else {
+    calibration.distortion = {lens.k1, lens.k2, lens.p1, lens.p2, lens.k3};
+  }
   return calibration;
 }
 

@@ -1,10 +1,10 @@
 #include "ground_scale_vo/lens/lens_refinement.hpp"
 
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <chrono>
 
 namespace ground_scale_vo {
-
 namespace {
 
 constexpr double kTurnStep = 0.1;  // [rad]
@@ -13,12 +13,18 @@ constexpr double kFirstTurn = 0.5, kTurnGrowth = 2;
 constexpr std::size_t kMinEstimateKeyframes = 25, kMaxEstimateKeyframes = 800;  // of an estimate
 /// Least squared Mahalanobis distance of an estimate from the lens in use.
 constexpr double kMinLensSignificance = 25;
+/// Estimates from different drives of a camera differ by up to so many of their standard deviations.
+constexpr double kEstimatesDiffer = 2;
 constexpr int kDelayFrames = 20;  // from the start of an estimate to its use
 
 }  // namespace
 
 LensRefinement::LensRefinement(const Lens& given, const Options& options)
     : options_(options), estimator_(options.estimator), prior_(estimator_.priorOf(given)) {
+  if (given.camera.lens_is_estimated) {
+    const double k1_sigma = kEstimatesDiffer * given.camera.k1Sigma();
+    prior_.covariance(3, 3) = std::min(prior_.covariance(3, 3), k1_sigma * k1_sigma);
+  }
   restart();
 }
 

@@ -164,7 +164,8 @@ bool LensSegment::linearise(const Lens& lens, const TrackNoise& noise, const Len
     if (!(q.z() > kMinDepthRatio * q.norm())) return false;
     const Eigen::Vector2d x = q.hnormalized();
     Eigen::Matrix2d d_distorted;
-    const Eigen::Vector2d distorted = lens.distort(x, &d_distorted);
+    const Eigen::Vector2d by_model = lens.distortByModel(x, &d_distorted);
+    const Eigen::Vector2d distorted = lens.distortRest(by_model, &d_distorted);
     Matrix23 d_x;
     d_x << 1, 0, -x.x(), 0, 1, -x.y();
     const Matrix23 J_q = f.asDiagonal() * d_distorted * (d_x / q.z());
@@ -173,10 +174,11 @@ bool LensSegment::linearise(const Lens& lens, const TrackNoise& noise, const Len
     Eigen::Matrix3d d_point;
     d_point << T_c_w_[o.keyframe].linear() * frame.linear().leftCols<2>(),
         T_c_w_[o.keyframe] * frame.translation();
-    const Eigen::Vector2d cubic = x.squaredNorm() * f.cwiseProduct(x);
+    const double r2 = by_model.squaredNorm();
+    const Eigen::Vector2d cubic = r2 * f.cwiseProduct(by_model);
     Eigen::Matrix<double, 2, 3 + kParameters + 1> J;
     J.template leftCols<3 + kLensParameters>() << J_q * d_point, f.cwiseProduct(distorted),
-        Eigen::Matrix2d::Identity(), cubic, x.squaredNorm() * cubic;
+        Eigen::Matrix2d::Identity(), cubic, r2 * cubic;
     if constexpr (kParameters > kLensParameters) {
       const auto terms = fieldTerms(lens, o.u);
       J.template middleCols<kFieldParameters>(3 + kLensParameters) << terms, 0 * terms, 0 * terms,

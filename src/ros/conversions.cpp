@@ -1,6 +1,5 @@
 #include "ground_scale_vo/ros/conversions.hpp"
 
-#include <sensor_msgs/distortion_models.h>
 #include <tf2_eigen/tf2_eigen.h>
 
 #include <algorithm>
@@ -14,6 +13,7 @@
 
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/math.hpp"
+#include "input/distortion_model.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -333,9 +333,9 @@ sensor_msgs::CameraInfo toCameraInfo(const CameraCalibration& c) {
   sensor_msgs::CameraInfo info;
   info.width = static_cast<std::uint32_t>(c.width);
   info.height = static_cast<std::uint32_t>(c.height);
-  info.distortion_model = sensor_msgs::distortion_models::PLUMB_BOB;
+  info.distortion_model = c.model->names.front();
   info.D = c.distortion;
-  info.D.resize(5);
+  if (c.isPlumbBob()) info.D.resize(5);
   info.K = {c.fx, 0, c.cx, 0, c.fy, c.cy, 0, 0, 1};
   info.R = {1, 0, 0, 0, 1, 0, 0, 0, 1};
   info.P = {c.fx, 0, c.cx, 0, 0, c.fy, c.cy, 0, 0, 0, 1, 0};

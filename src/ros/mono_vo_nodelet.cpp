@@ -169,11 +169,6 @@ std::string MonoVoNodelet::saveCamera() const {
   if (!odometry_ || !odometry_->lens().isEstimate()) {
     throw DataError("the calibration is not refined yet: the camera has not turned enough");
   }
-  if (!odometry_camera_->hasLens()) {
-    throw DataError(
-        "the refined calibration is that of the rectified images, as the distortion of the raw "
-        "ones is not plumb_bob: it cannot be saved");
-  }
   CameraCalibration refined = calibrationOf(odometry_->lens().lens);
   refined.readout_time = params_.odometry.vo.readout_time;
   writeFile(params_.refined_camera_file, cameraYaml(refined, "Refined by MonoVo while driving."));
@@ -313,8 +308,7 @@ void MonoVoNodelet::publish(const SelfCalibratingOdometry::Output& output,
   if (has_other_lens) publishLens(header);
 }
 
-/// The calibration of the images as they come, or of the rectified ones when their distortion is
-/// not plumb_bob.
+/// The calibration of the images as they come.
 void MonoVoNodelet::publishLens(const std_msgs::Header& header) {
   const Lens& lens = odometry_->lens().lens;
   const auto info = boost::make_shared<sensor_msgs::CameraInfo>(toCameraInfo(calibrationOf(lens)));

@@ -174,23 +174,6 @@ TEST(Rectification, OfAMaskCoversAllThatDependsOnIt) {
   }
 }
 
-// A lens that was refined in the rectified images of another model: one map in place of two.
-TEST(Rectification, RemovesTheRestThatACalibrationHasLeft) {
-  Info info = cameraInfo({250, 120, 130, 133, 121, 63});
-  info.distortion_model = "equidistant";
-  info.D = {0.1, -0.05, 0.02, -0.01};
-  const CameraCalibration camera = cameraOf(info);
-  const CameraCalibration rest{250, 120, 132, 135, 122, 62, {0.02, -0.01, 0, 0, 0}};
-  cv::Mat along_x(120, 250, CV_8U);
-  for (int u = 0; u < 250; ++u) along_x.col(u).setTo(u);
-  const CameraImage image = Undistortion(camera, {}, rest).image(along_x);
-  EXPECT_TRUE(isSameCamera(image.camera, pinholeOf(rest)));
-  const auto raw = camera.distorted(rest.distorted({{40, 50}, {125, 60}, {200, 90}}));
-  EXPECT_NEAR(image.grey.at<std::uint8_t>(50, 40), raw[0].x, 0.55);
-  EXPECT_NEAR(image.grey.at<std::uint8_t>(60, 125), raw[1].x, 0.55);
-  EXPECT_NEAR(image.grey.at<std::uint8_t>(90, 200), raw[2].x, 0.55);
-}
-
 TEST(CameraInfo, RefusesInvalidCalibrationsAndNamesTopicAndReason) {
   constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
   constexpr double kInf = std::numeric_limits<double>::infinity();

@@ -5,6 +5,10 @@
 #include <Eigen/Cholesky>
 #include <cmath>
 #include <random>
+#include <vector>
+
+#include "ground_scale_vo/input/camera_file.hpp"
+#include "support/temporary_folder.hpp"
 
 namespace ground_scale_vo {
 namespace {
@@ -44,7 +48,8 @@ Eigen::Isometry3d poseOf(const Drive& drive, int frame) {
 void feed(const Drive& drive, LensEstimator* estimator) {
   std::mt19937 random(drive.seed);
   std::normal_distribution<double> noise(0, drive.noise_px);
-  std::uniform_real_distribution<double> u(0, kCamera.width - 1), v(0, kCamera.height - 1),
+  const PinholeCamera& camera = drive.lens.camera;
+  std::uniform_real_distribution<double> u(0, camera.width - 1), v(0, camera.height - 1),
       depth(5, 40), share(0, 1);
   struct Point {
     std::uint64_t id;
@@ -57,7 +62,7 @@ void feed(const Drive& drive, LensEstimator* estimator) {
     const Eigen::Isometry3d T_w_c = poseOf(drive, i);
     VoFrame frame;
     frame.status = VoStatus::kTracking;
-    frame.camera = kCamera;
+    frame.camera = camera;
     frame.T_w_c = T_w_c;
     while (points.size() < 150) {
       const double d = depth(random);
@@ -75,8 +80,8 @@ void feed(const Drive& drive, LensEstimator* estimator) {
       if (p_c.z() < 2 || i > point.last_frame) continue;
       const Eigen::Vector2d pixel =
           drive.lens.project(p_c.hnormalized()) + Eigen::Vector2d(noise(random), noise(random));
-      if (pixel.x() < 0 || pixel.y() < 0 || pixel.x() > kCamera.width - 1 ||
-          pixel.y() > kCamera.height - 1) {
+      if (pixel.x() < 0 || pixel.y() < 0 || pixel.x() > camera.width - 1 ||
+          pixel.y() > camera.height - 1) {
         continue;
       }
       TrackedFeature feature;
@@ -143,6 +148,51 @@ TEST(Lens, ProjectsAsOpenCvAndInverts) {
     const Eigen::Vector2d numeric = (lens.distort(x + h) - lens.distort(x - h)) / 2e-6;
     EXPECT_LT((numeric - jacobian.col(i)).norm(), 1e-8);
   }
+}
+
+CameraCalibration calibrationWith(const std::string& model, const std::vector<double>& d) {
+  CameraCalibration calibration{752, 480, 420, 425, 380, 235};
+  calibration.setDistortion(model, d);
+  return calibration;
+}
+
+const LensVector kLeft = (LensVector() << -0.003, -1, 1.5, 0.021, -0.007).finished();
+
+class LensOfModel : public TemporaryFolder,
+                    public testing::WithParamInterface<CameraCalibration> {};
+INSTANTIATE_TEST_SUITE_P(
+    All, LensOfModel,
+    testing::Values(calibrationWith("", {}), calibrationWith("plumb_bob", {-0.28, 0.07, 1e-3, -2e-4}),
+                    calibrationWith("rational_polynomial",
+                                    {0.4, 0.2, 1e-4, -2e-4, 0.05, 0.7, 0.3, 0.09}),
+                    calibrationWith("rational_polynomial", {0.4, 0.2, 1e-4, -2e-4, 0.05, 0.7, 0.3,
+                                                            0.09, 1e-3, -1e-3, 2e-3, 0, 0.01, 0.02}),
+                    calibrationWith("equidistant", {-0.02, 0.015, -0.012, 0.002})));
+
+// What the calibration has left can be saved in its own model.
+TEST_P(LensOfModel, IsSavedInItsOwnModel) {
+  const Lens refined = boxplus(lensOf(GetParam()), kLeft);
+  const CameraCalibration read =
+      readCameraFile(write("camera.yaml", cameraYaml(calibrationOf(refined), "")));
+  EXPECT_EQ(read.model, GetParam().model);
+  const Lens saved = lensOf(read);
+  double largest = 0, change = 0;
+  for (int u = 0; u < read.width; u += 10) {
+    for (int v = 0; v < read.height; v += 10) {
+      const Eigen::Vector2d x = refined.unproject({u, v});
+      largest = std::max(largest, (saved.project(x) - refined.project(x)).norm());
+      change = std::max(change, (lensOf(GetParam()).project(x) - refined.project(x)).norm());
+    }
+  }
+  EXPECT_LT(largest, 0.1);
+  EXPECT_GT(change, 2);
+}
+
+TEST_P(LensOfModel, IsFoundWhateverTheModel) {
+  Drive drive;
+  drive.lens = boxplus(lensOf(GetParam()), kLeft);
+  const auto result = estimate(drive, {}, lensOf(GetParam()));
+  expectRecovered(result, drive.lens);
 }
 
 TEST(LensEstimator, FindsAPlantedLens) {

@@ -79,8 +79,8 @@ struct CameraCalibration {
 
   bool hasSize() const { return width > 0 && height > 0; }
   bool isDistorted() const;
-  /// The distortion is none or plumb_bob with at most 5 coefficients, which a Lens can hold.
-  bool hasLens() const;
+  /// The distortion is none or plumb_bob with at most 5 coefficients.
+  bool isPlumbBob() const;
 
   /// The model by its name in ROS, Kalibr or OpenCV; "" or "none": coefficients that are all zero.
   /// Throws OptionError.

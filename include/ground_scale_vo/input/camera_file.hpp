@@ -26,8 +26,7 @@ CameraCalibration readKittiRawCamera(const std::filesystem::path& file, const st
 /// The camera of rectified images from the 3x4 projection matrix after `key`, row by row. No size.
 CameraCalibration readKittiProjection(const std::filesystem::path& file, const std::string& key);
 
-/// YAML of camera_calibration. comment: lines for its head, without '#'. Precondition:
-/// CameraCalibration::hasLens().
+/// YAML of camera_calibration. comment: lines for its head, without '#'.
 std::string cameraYaml(const CameraCalibration& camera, const std::string& comment);
 
 }  // namespace ground_scale_vo

@@ -4,7 +4,6 @@
 #include <cstdint>
 #include <filesystem>
 #include <opencv2/core.hpp>
-#include <optional>
 #include <string>
 #include <string_view>
 
@@ -84,11 +83,9 @@ struct CameraImage {
 class Undistortion {
  public:
   /// mask: of the images as they come, 0 where they never show the scene; empty: no such region.
-  /// rest: of the rectified images, in which the calibration has left a distortion; then this one
-  /// is removed too, and the result has its fx, fy, cx and cy. Throws OptionError: the calibration
-  /// is not valid or has no size, or the mask is not 8-bit with one channel and of that size.
-  explicit Undistortion(const CameraCalibration& camera, const cv::Mat& mask = {},
-                        const std::optional<CameraCalibration>& rest = {});
+  /// Throws OptionError: the calibration is not valid or has no size, or the mask is not 8-bit with
+  /// one channel and of that size.
+  explicit Undistortion(const CameraCalibration& camera, const cv::Mat& mask = {});
 
   /// raw: 8-bit, one channel, of the camera's size (throws OptionError otherwise). Outside of it
   /// the result is black; it is `raw` itself if that has no distortion.

@@ -1,16 +1,21 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <vector>
 
 #include "ground_scale_vo/input/camera.hpp"
 
 namespace ground_scale_vo {
 
-/// A pinhole camera with the distortion model plumb_bob of OpenCV and ROS (Brown-Conrady).
+/// A pinhole camera with the distortion model plumb_bob of OpenCV and ROS (Brown-Conrady), or with
+/// another model and, after that, what it has left of the distortion: in the formulas of plumb_bob
+/// x is then the result of the model.
 struct Lens {
   PinholeCamera camera;
   double k1 = 0, k2 = 0, k3 = 0;  ///< radial
   double p1 = 0, p2 = 0;          ///< tangential
+  const DistortionModel* model = nullptr;  ///< null: plumb_bob alone
+  std::vector<double> coefficients = {};   ///< of the model
 
   Lens() = default;
   explicit Lens(const PinholeCamera& c, double radial_1 = 0, double radial_2 = 0,
@@ -19,7 +24,12 @@ struct Lens {
 
   /// Distorted coordinates of the ray (x, 1): x (1 + k1 r^2 + k2 r^4 + k3 r^6) plus the tangential
   /// terms. x: normalised image coordinates without distortion. jacobian: d(result) / dx, if given.
-  Eigen::Vector2d distort(const Eigen::Vector2d& x, Eigen::Matrix2d* jacobian = nullptr) const;
+  Eigen::Vector2d distort(const Eigen::Vector2d& x, Eigen::Matrix2d* jacobian = nullptr) const {
+    return distortRest(distortByModel(x, jacobian), jacobian);
+  }
+  /// Its two parts; the second one multiplies the jacobian of the first one by its own.
+  Eigen::Vector2d distortByModel(const Eigen::Vector2d& x, Eigen::Matrix2d* jacobian) const;
+  Eigen::Vector2d distortRest(const Eigen::Vector2d& x, Eigen::Matrix2d* jacobian) const;
 
   /// Pixel of the distorted image.
   Eigen::Vector2d project(const Eigen::Vector2d& x) const;
@@ -29,7 +39,8 @@ struct Lens {
   Eigen::Vector2d unproject(const Eigen::Vector2d& u) const;
 };
 
-/// The lens of the images as they come, or of the rectified ones unless hasLens().
+/// The lens of the images as they come, and vice versa: of another model than plumb_bob, its
+/// coefficients are fitted to the lens.
 Lens lensOf(const CameraCalibration& calibration);
 CameraCalibration calibrationOf(const Lens& lens);
 

@@ -23,12 +23,16 @@ class SelfCalibration : public testing::Test {
   }
 
   /// The outputs for the images of `lens`, of an odometry that is given the exact lens without
-  /// distortion.
+  /// distortion. given_sigma: of its k1, of a lens that was estimated from drives.
   static std::vector<MetricOdometry::Output> run(const SyntheticDrive& drive, const Lens& lens,
-                                                 bool refine, LensEstimate* refined = nullptr) {
+                                                 bool refine, LensEstimate* refined = nullptr,
+                                                 double given_sigma = 0) {
     MetricOdometry::Options options = optionsFor(drive.cameraHeight());
     options.odometry.refine_camera = refine;
-    MetricOdometry odometry(drive.camera(), options);
+    PinholeCamera camera = drive.camera();
+    camera.lens_is_estimated = given_sigma > 0;
+    camera.k1_sigma = given_sigma;
+    MetricOdometry odometry(camera, options);
     std::vector<MetricOdometry::Output> outputs;
     const Distortion distortion(drive.camera(), lens);
     for (std::size_t i = 0; i < drive.size(); ++i) {
@@ -72,6 +76,14 @@ TEST_F(SelfCalibration, FindsThePlantedDistortionAndContinuesTheMap) {
   }
   EXPECT_TRUE(has_changed);
   EXPECT_TRUE(outputs.back().pose());
+}
+
+TEST_F(SelfCalibration, RefinesAnEstimatedLensFurther) {
+  const SyntheticDrive drive(curves(130));
+  LensEstimate refined;
+  run(drive, Lens{drive.camera(), 0.03, -0.006}, true, &refined, 0.006);
+  EXPECT_NEAR(refined.lens.k1, 0.03, 0.01);
+  EXPECT_LT(refined.lens.camera.k1_sigma, 0.006);
 }
 
 TEST_F(SelfCalibration, KeepsAnExactLens) {

@@ -23,7 +23,7 @@ class SelfCalibratingOdometry {
  public:
   struct Options {
     VisualOdometry::Options vo;
-    bool refine_camera = false;
+    bool refine_camera = true;
     LensRefinement::Options refinement;
     template <typename Self, typename Visit>
     static void visitParameters(Self& self, Visit&& visit) {

@@ -42,8 +42,9 @@ CAMERA = dict(type=pathlib.Path, metavar="FILE",
 def add_run(command):
     command.add_argument("input", **INPUT)
     command.add_argument("--camera", **CAMERA)
-    command.add_argument("--refine-camera", action="append_const", dest="set", default=[], const="refine_camera=true",
-                         help="estimate the lens error that the calibration has left while driving")
+    command.add_argument("--refine-camera", action="store_true",
+                         help="the default: estimate the lens error that the calibration has left while driving. "
+                         "--set refine_camera=false: the calibration is exact")
     command.add_argument("--camera-height", type=float, metavar="M",
                          help="of the camera above the road [m]; required without --speed")
     command.add_argument("--speed", type=pathlib.Path, metavar="FILE",

@@ -56,6 +56,7 @@ PAPER = "config/paper.yaml"
 COMPONENTS = {  # label: options, or a file with them
     "**defaults**": "",
     "paper as printed": PAPER,
+    "calibration as exact (no refinement)": "refine_camera=false",
     "features only (no direct measurement)": "refine=false",
     "direct only": "gpe/min_points=1000000",
     "no road curvature (direct)": "direct/curvature_sigma=1e-9",

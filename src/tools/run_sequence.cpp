@@ -69,9 +69,9 @@ int main(int argc, char** argv) {
       ("speed", gsv::po::value(&arguments.speed_file)->value_name("FILE"),
        "speeds of the vehicle: CSV with the columns stamp [s] and speed [m/s], optionally sigma, "
        "or the folder oxts/ of a KITTI raw drive")  //
-      ("refine-camera", gsv::po::bool_switch(&arguments.options.odometry.refine_camera),
-       "estimates the lens while driving and undistorts the images by it; the result goes to "
-       "camera.yaml")  //
+      ("refine-camera",
+       "the default: estimates the lens while driving and undistorts the images by it; the result "
+       "goes to camera.yaml. --set refine_camera=false: the calibration is exact")  //
       ("strict", gsv::po::bool_switch(&arguments.strict),
        "exit status 1 also after a warning")  //
       ("check", gsv::po::bool_switch(&arguments.only_check),

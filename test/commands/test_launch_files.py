@@ -81,14 +81,14 @@ def test_nodelets(call, tmp_path):
 def test_arguments_reach_the_nodelets(file, arguments, image, info, transport, is_rectified, publish_tf):
     nodes, remappings, parameters, _ = loaded(
         file, "camera_height:=1.2", "mask:=/m.png", "camera_file:=/c.yaml", "odom_frame:=/map", "base_frame:=base",
-        "refine_camera:=true", "refined_camera_file:=/r.yaml", "rviz:=true", *arguments)
+        "refine_camera:=false", "refined_camera_file:=/r.yaml", "rviz:=true", *arguments)
     assert remappings["/mono_vo"] == {"image": image, "camera_info": info}
     assert remappings["/scale_recovery"] == {"vo/image": "/vo/image"}
     assert parameters["/mono_vo/image_transport"] == transport
     assert parameters["/mono_vo/image_is_rectified"] is is_rectified
     assert parameters["/mono_vo/mask"] == "/m.png" and parameters["/mono_vo/camera_file"] == "/c.yaml"
     assert all(nodes[nodelet].args.endswith(" --no-bond") for nodelet in ("/mono_vo", "/scale_recovery"))
-    assert parameters["/mono_vo/refine_camera"] is True and parameters["/mono_vo/refined_camera_file"] == "/r.yaml"
+    assert parameters["/mono_vo/refine_camera"] is False and parameters["/mono_vo/refined_camera_file"] == "/r.yaml"
     expected = {"camera_height": 1.2, "odom_frame": "/map", "base_frame": "base", "publish_tf": publish_tf}
     assert {name: parameters[f"/scale_recovery/{name}"] for name in expected} == expected
     assert " -f map" in nodes["/rviz"].args  # tf2 has no leading slash

@@ -410,7 +410,6 @@ TEST_F(Graph, TheCameraIsRefinedWhileDriving) {
                             [&](const cv::Mat& image) { return distortion.image(image); });
   const std::string file = temporaryFile(".yaml");
   NodeletPair pair(manager_, drive, "/refined");
-  pair.setParam("mono_vo", "refine_camera", true);
   pair.setParam("mono_vo", "refined_camera_file", file);
   ASSERT_TRUE(pair.load());
   TopicRecorder<sensor_msgs::CameraInfo> infos(handle_, "/refined/refined_camera_info");

@@ -86,6 +86,28 @@ TEST_F(SelfCalibration, RefinesAnEstimatedLensFurther) {
   EXPECT_LT(refined.lens.camera.k1_sigma, 0.006);
 }
 
+// What is left after another model, in the pixels of the images as they come.
+TEST_F(SelfCalibration, RefinesAFisheye) {
+  const SyntheticDrive drive(curves(130));
+  CameraCalibration fisheye = withoutDistortion(drive.camera());
+  // Nearly tan(theta): its images show what those of the drive show.
+  fisheye.setDistortion("equidistant", {0.32, 0.14, 0.03, 0});
+  LensVector left = LensVector::Zero();
+  left[3] = 0.05;
+  left[4] = -0.01;
+  const Lens lens = boxplus(lensOf(fisheye), left);
+  const Distortion distortion(drive.camera(), lens);
+  MetricOdometry odometry(fisheye, optionsFor(drive.cameraHeight()));
+  for (std::size_t i = 0; i < drive.size(); ++i) {
+    odometry.process(distortion.image(drive.image(i)), drive.frame(i).stamp_ns);
+  }
+  ASSERT_TRUE(odometry.lens().isEstimate());
+  const Lens saved = lensOf(calibrationOf(odometry.lens().lens));
+  const Eigen::Vector2d x(0.7, 0.15);
+  EXPECT_LT((saved.project(x) - lens.project(x)).norm(),
+            0.4 * (lensOf(fisheye).project(x) - lens.project(x)).norm());
+}
+
 TEST_F(SelfCalibration, KeepsAnExactLens) {
   const SyntheticDrive drive(curves(90));
   const auto fixed = run(drive, Lens{drive.camera()}, false);

@@ -51,8 +51,9 @@ LensCalibration::LensCalibration(const Options& options) : options_(options) {
   options_.validate();
 }
 
-LensEstimator LensCalibration::track(const RepeatableDrive& drive, const Lens& lens) const {
-  const Undistortion undistortion(calibrationOf(lens));
+LensEstimator LensCalibration::track(const RepeatableDrive& drive, const Lens& lens,
+                                     const cv::Mat& mask) const {
+  const Undistortion undistortion(calibrationOf(lens), mask);
   VisualOdometry odometry(lens.camera, options_.vo, undistortion.mask());
   LensEstimator estimator(options_.estimator);
   drive([&](const cv::Mat& image, std::int64_t stamp_ns) {
@@ -63,7 +64,8 @@ LensEstimator LensCalibration::track(const RepeatableDrive& drive, const Lens& l
 }
 
 LensCalibration::Result LensCalibration::calibrate(const std::vector<RepeatableDrive>& drives,
-                                                   const Lens& calibration) const {
+                                                   const Lens& calibration,
+                                                   const cv::Mat& mask) const {
   Result result;
   result.prior = result.estimate = LensEstimator(options_.estimator).priorOf(calibration);
   std::vector<LensVector> lenses;  // of the runs whose mean is the estimate
@@ -74,7 +76,7 @@ LensCalibration::Result LensCalibration::calibrate(const std::vector<RepeatableD
     ++result.runs;
     result.drives.clear();
     for (const RepeatableDrive& drive : drives) {
-      result.drives.push_back(track(drive, previous).estimate(estimate, previous));
+      result.drives.push_back(track(drive, previous, mask).estimate(estimate, previous));
       if (result.drives.back().status != LensEstimator::Status::kOk) continue;
       estimate = result.drives.back().estimate;
       observed = true;

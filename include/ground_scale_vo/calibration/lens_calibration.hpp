@@ -62,11 +62,13 @@ class LensCalibration {
 
   /// drives: not empty, images of the calibration's size (throws OptionError otherwise). A drive
   /// that does not observe the lens is left out; the status is that of the first drive if all are.
-  Result calibrate(const std::vector<RepeatableDrive>& drives, const Lens& calibration) const;
+  /// mask: of the images as they come, 0 where they never show the scene; empty: no such region.
+  Result calibrate(const std::vector<RepeatableDrive>& drives, const Lens& calibration,
+                   const cv::Mat& mask = {}) const;
 
  private:
   /// Processes the images undistorted by `lens` and returns the tracks in the pixels of the images.
-  LensEstimator track(const RepeatableDrive& drive, const Lens& lens) const;
+  LensEstimator track(const RepeatableDrive& drive, const Lens& lens, const cv::Mat& mask) const;
 
   Options options_;
 };

@@ -82,6 +82,7 @@ RunRecord runDrive(const SyntheticDrive& drive, const std::vector<cv::Mat>& imag
                    const cv::Mat& mask) {
   OfflineRun::Options options;
   options.scale.camera_height = known.camera_height ? drive.cameraHeight() : 0;
+  options.scale.camera_height_sigma = 0;  // the height is exact
   options.scale.use_speed = !known.speeds.empty();
   for (const std::string& setting : settings) setOption(options, setting);
   OfflineRun run(drive.camera(), options, mask);

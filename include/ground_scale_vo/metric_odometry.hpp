@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <opencv2/core.hpp>
 #include <optional>
+#include <vector>
 
 #include "ground_scale_vo/scale/scale_recovery.hpp"
 #include "ground_scale_vo/self_calibrating_odometry.hpp"
@@ -61,6 +62,9 @@ class MetricOdometry {
 
   /// ScaleRecovery::addSpeed(); needs scale.use_speed.
   void addSpeed(const SpeedSample& speed) { scale_.addSpeed(speed); }
+
+  /// ScaleRecovery::smoothed(); needs scale.record.
+  std::vector<ScaleRecovery::Smoothed> smoothed() const { return scale_.smoothed(); }
 
   /// SelfCalibratingOdometry::lens().
   const LensEstimate& lens() const { return vo_.lens(); }

@@ -53,6 +53,16 @@ Matrix6d groundTruthCovariance(const Eigen::Isometry3d& T_i_j, const Eigen::Matr
   return R * P_i * R.transpose();
 }
 
+/// Covariance of a motion by the camera height, a constant factor of the whole drive.
+Matrix6d heightCovariance(const RunFrame& frame, const Eigen::Vector3d& motion_o) {
+  Matrix6d P = Matrix6d::Zero();
+  if (frame.scale.camera_height > 0) {
+    const double sigma = frame.scale.camera_height_sigma / frame.scale.camera_height;
+    P.topLeftCorner<3, 3>() = sigma * sigma * motion_o * motion_o.transpose();
+  }
+  return P;
+}
+
 }  // namespace
 
 RelativePoseError relativePoseError(const RunRecord& record,
@@ -68,9 +78,13 @@ RelativePoseError relativePoseError(const RunRecord& record,
       rotationVector(R_o_i * truth.linear() * to.T_o_c.linear().transpose());
   Matrix6d F = Matrix6d::Identity();
   F.topRightCorner<3, 3>() = -skew(step);
-  const Matrix6d moved = F * from.covariance * F.transpose();
-  relative.covariance = to.covariance - moved;
-  if (!isWellConditioned(relative.covariance)) relative.covariance = to.covariance + moved;
+  const auto ownCovariance = [](const RunFrame& frame) -> Matrix6d {
+    return frame.covariance - heightCovariance(frame, frame.T_o_c.translation());
+  };
+  const Matrix6d moved = F * ownCovariance(from) * F.transpose();
+  relative.covariance = ownCovariance(to) - moved;
+  if (!isWellConditioned(relative.covariance)) relative.covariance = ownCovariance(to) + moved;
+  relative.covariance += heightCovariance(to, step);
   relative.covariance += groundTruthCovariance(truth, R_o_i, accuracy);
   return relative;
 }

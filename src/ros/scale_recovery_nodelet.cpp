@@ -329,7 +329,7 @@ std::string ScaleRecoveryNodelet::saveHeight() const {
   if (params_.height_file.empty()) throw DataError("the parameter height_file names no file");
   const bool is_given = params_.scale.camera_height > 0;
   writeFile(params_.height_file,
-            learnedHeightYaml(report_.last, is_given ? params_.scale.camera_height_sigma : 0));
+            learnedHeightYaml(report_.last, is_given ? params_.scale.cameraHeightSigma() : 0));
   return "written to " + params_.height_file;
 }
 

@@ -1,5 +1,6 @@
 #include "scale/height_state.hpp"
 
+#include <Eigen/QR>
 #include <algorithm>
 #include <vector>
 
@@ -18,8 +19,11 @@ constexpr double kHeightDriftPerSqrtMetre = 0.0003;
 constexpr double kKerbHeights = 30;
 /// Standard deviation of the change of ln h when a refined lens replaces another.
 constexpr double kLensChangeSigma = 0.02;
-/// Random walk of ln h over one radian with an estimated lens: in turns the unit is steadier.
-constexpr double kDriftPerSqrtRadEstimatedLens = 0.02;
+/// Random walk of ln h with an exact lens over one camera height of distance, and over one radian:
+/// a turn replaces the part of the map that carries the scale.
+constexpr double kDriftPerSqrtHeight = 0.0045, kDriftPerSqrtRad = 0.02;
+/// The same over a camera height, in addition, per standard deviation of k1.
+constexpr double kDriftPerSqrtHeightPerK1 = 0.45;
 
 constexpr std::size_t kRunLength = 4;  ///< measurements that must agree to restart the filter
 
@@ -42,11 +46,13 @@ void HeightState::startMap() {
   covariance_.leftCols<kCameraHeight>().setZero();
 }
 
-void HeightState::start(double log_height, double variance, const Vector& H) {
+void HeightState::start(double log_height, double variance, const Vector& H, double turned) {
   startMap();
   set(log_height, variance);
+  const double tilt_sigma =
+      std::hypot(options_.start_tilt_sigma_rad, options_.start_tilt_per_rad * turned);
   for (const auto& [i, sigma] :
-       {std::pair(kTilt, options_.start_tilt_sigma_rad), std::pair(kKerb, options_.kerb_sigma)}) {
+       {std::pair(kTilt, tilt_sigma), std::pair(kKerb, options_.kerb_sigma)}) {
     const double of_state = sigma * sigma;
     covariance_(i, i) = of_state;
     covariance_(kHeight, i) = covariance_(i, kHeight) = -H[i] * of_state;
@@ -72,18 +78,21 @@ void HeightState::set(double log_height, double variance) {
   covariance_(kHeight, kHeight) = variance;
 }
 
-void HeightState::predict(double distance, double metres_per_unit, double angle,
-                          bool lens_is_estimated) {
+void HeightState::predict(double distance, double metres_per_unit, double angle, double k1_sigma) {
   const double distance_heights = distance / height();
+  const double drift_per_sqrt_height =
+      std::hypot(kDriftPerSqrtHeight, kDriftPerSqrtHeightPerK1 * k1_sigma);
   const double drift_per_sqrt_rad =
-      lens_is_estimated ? kDriftPerSqrtRadEstimatedLens : options_.drift_per_sqrt_rad;
-  covariance_(kHeight, kHeight) += kDriftPerSqrtHeight * kDriftPerSqrtHeight * distance_heights +
-                                   drift_per_sqrt_rad * drift_per_sqrt_rad * angle;
-  const double kept = std::exp(-distance_heights / kKerbHeights);
-  state_[kKerb] *= kept;
-  covariance_.row(kKerb) *= kept;
-  covariance_.col(kKerb) *= kept;
-  covariance_(kKerb, kKerb) += (1 - kept * kept) * options_.kerb_sigma * options_.kerb_sigma;
+      std::hypot(kDriftPerSqrtRad, options_.drift_per_k1_sigma * k1_sigma);
+  covariance_(kHeight, kHeight) +=
+      drift_per_sqrt_height * drift_per_sqrt_height * distance_heights +
+      drift_per_sqrt_rad * drift_per_sqrt_rad * angle;
+  kerb_kept_ = std::exp(-distance_heights / kKerbHeights);
+  state_[kKerb] *= kerb_kept_;
+  covariance_.row(kKerb) *= kerb_kept_;
+  covariance_.col(kKerb) *= kerb_kept_;
+  covariance_(kKerb, kKerb) +=
+      (1 - kerb_kept_ * kerb_kept_) * options_.kerb_sigma * options_.kerb_sigma;
   double& height_variance = covariance_(kCameraHeight, kCameraHeight);
   if (height_variance < height_variance_limit_) {
     const double drift =
@@ -100,6 +109,25 @@ void HeightState::correct(const Vector& H, double innovation, double variance) {
   const Vector gain = covariance_ * H / (H.dot(covariance_ * H) + variance);
   state_ += gain * innovation;
   covariance_ -= gain * (covariance_ * H).transpose();
+}
+
+HeightState HeightState::smoothed(const HeightState& predicted, const HeightState& next) const {
+  Vector transition = Vector::Ones(), inverse_sigma = Vector::Zero();
+  transition[kKerb] = predicted.kerb_kept_;
+  // A state that is known exactly, or from here on not the same any more, has no variance.
+  for (int i = 0; i < kStates; ++i) {
+    const double variance = predicted.covariance_(i, i);
+    if (variance > 0) inverse_sigma[i] = 1 / std::sqrt(variance);
+  }
+  const Matrix correlation =
+      inverse_sigma.asDiagonal() * predicted.covariance_ * inverse_sigma.asDiagonal();
+  const Matrix gain = covariance_ * transition.asDiagonal() * inverse_sigma.asDiagonal() *
+                      correlation.completeOrthogonalDecomposition().pseudoInverse() *
+                      inverse_sigma.asDiagonal();
+  HeightState result = *this;
+  result.state_ += gain * (next.state_ - predicted.state_);
+  result.covariance_ += gain * (next.covariance_ - predicted.covariance_) * gain.transpose();
+  return result;
 }
 
 double HeightState::cameraHeightSigma() const {

@@ -20,9 +20,6 @@ class HeightState {
   using Vector = Eigen::Matrix<double, kStates, 1>;
   using Matrix = Eigen::Matrix<double, kStates, kStates>;
 
-  /// Random walk of ln h over one camera height of distance.
-  static constexpr double kDriftPerSqrtHeight = 0.01;
-
   /// What is known before the first measurement.
   struct Prior {
     double camera_height = 0;        ///< h* [m]; not positive: not known
@@ -34,17 +31,22 @@ class HeightState {
 
   /// Another map: only the camera height and the factor of the speeds are kept.
   void startMap();
-  /// From a measurement with the Jacobian H.
-  void start(double log_height, double variance, const Vector& H);
+  /// From a measurement with the Jacobian H. turned: rotation since the start of the map [rad].
+  void start(double log_height, double variance, const Vector& H, double turned = 0);
   /// From a speed: h follows as accurately as h* is known. log_scale: ln of metres per VO unit.
   void startFromSpeed(double log_scale, double variance);
   /// For the moving average, instead of correct().
   void set(double log_height, double variance);
-  /// distance: travelled [VO units]; metres_per_unit: 0: not known; angle: rotated [rad].
-  void predict(double distance, double metres_per_unit, double angle, bool lens_is_estimated);
+  /// distance: travelled [VO units]; metres_per_unit: 0: not known; angle: rotated [rad];
+  /// k1_sigma: PinholeCamera::k1Sigma() of the lens.
+  void predict(double distance, double metres_per_unit, double angle, double k1_sigma);
   /// Another lens: heights differ a little from now on.
   void changeLens();
   void correct(const Vector& H, double innovation, double variance);
+
+  /// Rauch-Tung-Striebel step: this state with what later measurements say. predicted: the state
+  /// that followed from this one; next: the same after all measurements.
+  HeightState smoothed(const HeightState& predicted, const HeightState& next) const;
 
   /// The prediction of a measurement with the Jacobian H, and its variance.
   double predicted(const Vector& H) const { return H.dot(state_); }
@@ -69,6 +71,7 @@ class HeightState {
   double height_variance_limit_;  ///< of ln h*
   Vector state_ = Vector::Zero();
   Matrix covariance_ = Matrix::Zero();
+  double kerb_kept_ = 1;  ///< factor on the kerb of the latest predict()
 };
 
 /// The latest consecutive measurements that the filter has rejected. When they agree over a

@@ -49,6 +49,18 @@ Matrix6d rotated(const Eigen::Matrix3d& R_a_b, const Matrix6d& P) {
   return R * P * R.transpose();
 }
 
+/// Relative variance of the scale by the camera height, which is the same along the drive ...
+double heightVariance(const ScaleEstimate& scale) {
+  if (!(scale.camera_height > 0)) return 0;
+  return std::min(std::pow(scale.camera_height_sigma / scale.camera_height, 2),
+                  std::pow(scale.sigma / scale.scale, 2));
+}
+
+/// ... and by everything else.
+double ownVariance(const ScaleEstimate& scale) {
+  return std::pow(scale.sigma / scale.scale, 2) - heightVariance(scale);
+}
+
 }  // namespace
 
 std::optional<MetricPose> MetricTrajectory::append(const VoFrame& frame, Continuity continuity,
@@ -222,8 +234,13 @@ void MetricTrajectory::bridgeGap(const std::optional<Eigen::Vector3d>& velocity_
   Eigen::Matrix<double, 6, 3> G;
   G << -0.5 * skew(gap_o), Eigen::Matrix3d::Identity();
   P += map_->rotation_variance * G * G.transpose();
+  const Eigen::Matrix<double, 6, 1> with_height = covariance_.block<6, 1>(0, 8);
+  const double height_variance = covariance_(8, 8);
   covariance_.setZero();
   covariance_.topLeftCorner<6, 6>() = P;
+  covariance_.block<6, 1>(0, 8) = with_height;
+  covariance_.block<1, 6>(8, 0) = with_height.transpose();
+  covariance_(8, 8) = height_variance;
   last_.T_o_c.translation() += gap_o;
   last_.T_o_c.linear() = renormalised(last_.T_o_c.linear() * map_->R_last_ref);
   last_.distance += gap.norm();
@@ -235,12 +252,12 @@ void MetricTrajectory::bridgeGap(const std::optional<Eigen::Vector3d>& velocity_
 void MetricTrajectory::rescaleYoungMap(const Eigen::Isometry3d& T_last_c,
                                        const Eigen::Isometry3d& T_ref_c,
                                        const ScaleEstimate& scale) {
-  propagateMotion(T_last_c, scale.scale, 1);
+  propagateMotion(T_last_c, scale, 1);
   const Eigen::Vector3d motion_o = map_->T_o_ref.linear() * T_ref_c.translation() * scale.scale;
   last_.T_o_c.translation() = map_->T_o_ref.translation() + motion_o;
   last_.T_o_c.linear() = renormalised(map_->T_o_ref.linear() * T_ref_c.linear());
   last_.distance = map_->distance_at_ref + scale.scale * map_->travelled;
-  const double variance = std::pow(scale.sigma / scale.scale, 2);
+  const double variance = ownVariance(scale);
   StateCovariance with_scale = covariance_;
   with_scale.topLeftCorner<3, 3>() += variance * motion_o * motion_o.transpose();
   with_scale.block<3, 1>(0, 6) = variance * motion_o;
@@ -259,10 +276,10 @@ void MetricTrajectory::integrate(const Eigen::Isometry3d& T_last_c, const ScaleE
   const double length = step_o.norm();
   // Gauss-Markov process of the scale error: this share of it remains after the increment.
   const double correlation = std::exp(-length / options_.scale_correlation_m);
-  const double variance = std::pow(scale.sigma / scale.scale, 2);
-  propagateMotion(T_last_c, scale.scale, correlation);
+  const double variance = ownVariance(scale);
+  propagateMotion(T_last_c, scale, correlation);
   covariance_(6, 6) += (1 - correlation * correlation) * variance;
-  setScaleVariance(variance);
+  setVariance(6, variance);
   last_.T_o_c.translation() += step_o;
   last_.T_o_c.linear() = renormalised(last_.T_o_c.linear() * T_last_c.linear());
   last_.distance += length;
@@ -271,16 +288,17 @@ void MetricTrajectory::integrate(const Eigen::Isometry3d& T_last_c, const ScaleE
 
 /// P <- F P F^T + Q for the motion T_last_c since the last pose, without the noise of the scale
 /// error.
-void MetricTrajectory::propagateMotion(const Eigen::Isometry3d& T_last_c, double scale,
-                                       double scale_correlation) {
+void MetricTrajectory::propagateMotion(const Eigen::Isometry3d& T_last_c,
+                                       const ScaleEstimate& scale, double scale_correlation) {
   const Eigen::Matrix3d R_o_last = last_.T_o_c.linear();
-  const Eigen::Vector3d step_o = R_o_last * T_last_c.translation() * scale;
+  const Eigen::Vector3d step_o = R_o_last * T_last_c.translation() * scale.scale;
   const double length = step_o.norm();
   const double angle_variance = std::pow(options_.rotation_scale_sigma, 2);
   covariance_(7, 7) = angle_variance;  // stationary; zero before the first increment
+  setVariance(8, heightVariance(scale));
   StateCovariance F = StateCovariance::Identity();
   F.block<3, 3>(0, 3) = -skew(step_o);
-  F.block<3, 1>(0, 6) = step_o;
+  F.block<3, 1>(0, 6) = F.block<3, 1>(0, 8) = step_o;
   F.block<3, 1>(3, 7) = R_o_last * rotationVector(T_last_c.linear());
   F(6, 6) = scale_correlation;
   F(7, 7) = std::exp(-length / options_.scale_correlation_m);
@@ -292,15 +310,15 @@ void MetricTrajectory::propagateMotion(const Eigen::Isometry3d& T_last_c, double
       length / kPoseCorrelation * rotated(R_o_last * T_last_c.linear(), pose_covariance_c_);
 }
 
-/// The scale filter provides the variance of the scale error; only the correlations are propagated
-/// here, so the row and column are rescaled to it.
-void MetricTrajectory::setScaleVariance(double variance) {
-  if (covariance_(6, 6) > 0) {
-    const double ratio = std::sqrt(variance / covariance_(6, 6));
-    covariance_.row(6) *= ratio;
-    covariance_.col(6) *= ratio;
+/// The scale filter provides the variances of the errors of scale and camera height; only the
+/// correlations are propagated here, so the row and column are rescaled to it.
+void MetricTrajectory::setVariance(int state, double variance) {
+  if (covariance_(state, state) > 0) {
+    const double ratio = std::sqrt(variance / covariance_(state, state));
+    covariance_.row(state) *= ratio;
+    covariance_.col(state) *= ratio;
   } else {
-    covariance_(6, 6) = variance;
+    covariance_(state, state) = variance;
   }
 }
 

@@ -44,8 +44,9 @@ class MetricTrajectory {
  private:
   /// What is known of the map that the next tracked frame starts; kBefore: it starts none.
   enum class Start : std::uint8_t { kBefore, kUnseen, kSeen, kInItsMiddle };
-  /// Of position, rotation, relative scale error, relative error of the angle of rotation.
-  using StateCovariance = Eigen::Matrix<double, 8, 8>;
+  /// Of position, rotation, relative error of the scale, of the angle of rotation, and of the
+  /// camera height, which is a constant factor of all scales.
+  using StateCovariance = Eigen::Matrix<double, 9, 9>;
   /// The map of the newest tracked frame. Its motion is counted from the reference frame: the map's
   /// first frame, or the first one seen.
   struct Map {
@@ -73,8 +74,9 @@ class MetricTrajectory {
   void rescaleYoungMap(const Eigen::Isometry3d& T_last_c, const Eigen::Isometry3d& T_ref_c,
                        const ScaleEstimate& scale);
   void integrate(const Eigen::Isometry3d& T_last_c, const ScaleEstimate& scale);
-  void propagateMotion(const Eigen::Isometry3d& T_last_c, double scale, double scale_correlation);
-  void setScaleVariance(double variance);
+  void propagateMotion(const Eigen::Isometry3d& T_last_c, const ScaleEstimate& scale,
+                       double scale_correlation);
+  void setVariance(int state, double variance);
   void setTwist(const Eigen::Isometry3d& T_last_c, const ScaleEstimate& scale, double dt);
   Eigen::Matrix3d stepCovariance(const Eigen::Vector3d& step_c, const ScaleEstimate& scale) const;
   Eigen::Matrix3d directionCovariance(const Eigen::Vector3d& step) const;

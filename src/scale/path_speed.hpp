@@ -43,6 +43,7 @@ class SpeedTrack {
   bool isZero() const;  ///< the newest sample; false when there is none
   /// The vehicle moves although the newest samples are zero: they are no stop.
   void ignoreZero() { zero_is_stop_ = false; }
+  bool zeroIsStop() const { return zero_is_stop_; }
 
   /// Whether the newest samples repeat one value other than zero for so long that the sensor may be
   /// stuck.

@@ -13,9 +13,12 @@ namespace {
 constexpr double kGate = 3;
 /// Lower bound of a measurement's relative standard deviation: camber and the road's roughness.
 constexpr double kMinMeasurementSigma = 0.015;
-/// On the standard deviation of feature-based measurements with an estimated lens, while direct
-/// ones are accepted.
+/// On the standard deviation of feature-based measurements while direct ones are accepted, with a
+/// lens that is known well enough for the direct ones to be the better ones.
 constexpr double kFeatureSigmaFactor = 2;
+constexpr double kKnownK1Sigma = 0.01;
+/// [camera heights] Since the latest accepted direct measurement, while the road is the same.
+constexpr double kRecentHeights = 5;
 /// [camera heights] Least distance before the first measurement: the first views have a baseline
 /// that is too short.
 constexpr double kStartDistance = 0.5;
@@ -24,13 +27,14 @@ constexpr double kStartDistance = 0.5;
 constexpr double kMinNisScale = 0.05;
 /// Distances to the measured road over which the tilt of a young map decays to 1/e.
 constexpr double kTiltDecay = 0.8;
-/// [camera heights] Since the latest accepted direct measurement, while the road is the same.
-constexpr double kRecentHeights = 5;
 
 // A run of rejected measurements restarts the filter when they agree within this deviation of their
 // ln, after this distance [camera heights], or earlier in a young map: parked cars and a slipping
 // wheel end before.
 constexpr double kMaxDeviation = 0.15, kRestartDistance = 12;
+/// [camera heights/rad] A rotation counts as this distance: in a turn the unit of the map may
+/// really change.
+constexpr double kHeightsPerRad = 25;
 constexpr double kMaxSpeedDeviation = 0.05, kSpeedRestartDistance = 40;
 /// Of ln of the scale: a speed that deviates by more from the road is one in another unit.
 constexpr double kOtherUnit = 0.5;
@@ -41,7 +45,7 @@ void ScaleFilter::startMap() {
   HeightState state = state_;
   state.startMap();
   *this = ScaleFilter(options_, {});
-  state_ = state;
+  state_ = predicted_ = state;
 }
 
 bool ScaleFilter::known() const { return started_ && (has_speed_ || hasCameraHeight()); }
@@ -56,10 +60,13 @@ double ScaleFilter::scaleSigma() const {
   return known() ? scale() * state_.scaleSigma(nis_scale_) : 0;
 }
 
-void ScaleFilter::predict(double distance, double angle) {
+void ScaleFilter::predict(double distance, double angle, double k1_sigma) {
   distance_ += distance;
   turned_ += angle;
-  if (started_) state_.predict(distance, scale(), angle, lens_is_estimated_);
+  k1_sigma_ = k1_sigma;
+  if (started_) state_.predict(distance, scale(), angle, k1_sigma);
+  predicted_ = state_;
+  wrong_since_.reset();
 }
 
 void ScaleFilter::changeLens() {
@@ -71,7 +78,7 @@ bool ScaleFilter::update(double height, double sigma, double road_distance, Sour
   if (!(height > 0 && sigma >= 0 && road_distance >= 0)) return false;
   if (!areFinite(height, sigma, road_distance)) return false;
   double relative_sigma = std::hypot(sigma / height, kMinMeasurementSigma);
-  if (lens_is_estimated_ && source == Source::kFeatureBased && isDirectAccepted()) {
+  if (k1_sigma_ < kKnownK1Sigma && source == Source::kFeatureBased && isDirectAccepted()) {
     relative_sigma *= kFeatureSigmaFactor;
   }
   const Measurement measurement{std::log(height), relative_sigma * relative_sigma,
@@ -89,6 +96,7 @@ bool ScaleFilter::update(double height, double sigma, double road_distance, Sour
   SourceState& source_state = stateOf(source);
   updateNisScale(std::min(nis, kGate * kGate), &source_state);
   if (!has_plane_ && hasCameraHeight() && std::abs(innovation) > kOtherUnit) {
+    wrong_since_ = 0;
     start(measurement);  // from the road, after a start from speeds in another unit
     return true;
   }
@@ -186,10 +194,8 @@ bool ScaleFilter::restart(const Measurement& measurement, SourceState* source) {
   ContradictingRun& run = source->rejected;
   run.add({measurement.log_height, measurement.variance}, distance_, turned_);
   const double measured_height = std::exp(measurement.log_height);
-  const double heights_per_rad =
-      std::pow(options_.drift_per_sqrt_rad / HeightState::kDriftPerSqrtHeight, 2);
   const double persisted =
-      distance_ - run.since() + heights_per_rad * (turned_ - run.turnedBefore()) * measured_height;
+      distance_ - run.since() + kHeightsPerRad * (turned_ - run.turnedBefore()) * measured_height;
   if (persisted < std::min(run.since() - start_distance_, kRestartDistance * measured_height)) {
     return false;
   }
@@ -200,6 +206,7 @@ bool ScaleFilter::restart(const Measurement& measurement, SourceState* source) {
   const auto agreement = run.agreement(kMaxDeviation);
   if (is_confirmed_by_speed || !agreement) return false;
   tilt_distance_ = distance_;
+  wrong_since_ = run.since();
   start({agreement->value, agreement->variance, measurement.road_distance,
          measurement.is_beside_lane});
   return true;
@@ -218,12 +225,15 @@ bool ScaleFilter::restartFromSpeed(double log_scale, double variance) {
   }
   const auto agreement = run.agreement(kMaxSpeedDeviation);
   if (!agreement) return false;
+  wrong_since_ = run.since();
   startFromSpeed(agreement->value, agreement->variance);
   return true;
 }
 
 void ScaleFilter::start(const Measurement& measurement) {
-  state_.start(measurement.log_height, measurement.variance, jacobianOf(measurement));
+  state_.start(measurement.log_height, measurement.variance, jacobianOf(measurement),
+               turned_ - start_turned_);
+  start_turned_ = turned_;
   has_plane_ = true;
   has_speed_ = false;
   started();

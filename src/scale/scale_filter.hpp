@@ -28,14 +28,14 @@ class ScaleFilter {
   };
 
   ScaleFilter(const Options& options, const Prior& prior)
-      : options_(options), state_(options, prior) {}
+      : options_(options), state_(options, prior), predicted_(state_) {}
 
   /// Another map: only the camera height and the factor of the speeds are kept.
   void startMap();
 
   /// Prediction step. distance: travelled since the last call [VO units], >= 0; angle: rotated
-  /// since then [rad], >= 0.
-  void predict(double distance, double angle);
+  /// since then [rad], >= 0; k1_sigma: PinholeCamera::k1Sigma() of the lens.
+  void predict(double distance, double angle, double k1_sigma);
 
   /// Update step with a measured height, its standard deviation, and the distance of the measured
   /// road from the camera [VO units], at most one per source and frame. is_beside_lane: above the
@@ -60,10 +60,16 @@ class ScaleFilter {
   double cameraHeight() const { return state_.cameraHeight(); }            ///< h* [m]
   double cameraHeightSigma() const { return state_.cameraHeightSigma(); }  ///< [m]
 
-  /// Whether the lens of the images was estimated from drives. Before predict().
-  void setLensIsEstimated(bool is_estimated) { lens_is_estimated_ = is_estimated; }
   /// A refined lens replaces the one of the images so far.
   void changeLens();
+
+  // For the smoother.
+  const HeightState& predicted() const { return predicted_; }  ///< by the latest predict()
+  const HeightState& state() const { return state_; }
+  double distance() const { return distance_; }  ///< travelled in this map [VO units]
+  double nisScale() const { return nis_scale_; }
+  /// distance() from which on the state was wrong, when the latest update() replaced it.
+  const std::optional<double>& wrongSince() const { return wrong_since_; }
 
  private:
   struct Measurement {
@@ -92,14 +98,17 @@ class ScaleFilter {
 
   Options options_;
   HeightState state_;
+  HeightState predicted_;
+  std::optional<double> wrong_since_;
   bool started_ = false;
   bool has_plane_ = false, has_speed_ = false;  ///< accepted one since the start
-  bool lens_is_estimated_ = false;
-  double distance_ = 0;        ///< travelled [VO units]
-  double turned_ = 0;          ///< rotated [rad]
-  double start_distance_ = 0;  ///< distance_ at the latest (re)start
-  double tilt_distance_ = 0;   ///< distance_ from which on the tilt decays
-  double nis_scale_ = 1;       ///< mean normalised innovation squared
+  double k1_sigma_ = 0;                         ///< of the lens of the images
+  double distance_ = 0;                         ///< travelled [VO units]
+  double turned_ = 0;                           ///< rotated [rad]
+  double start_distance_ = 0;                   ///< distance_ at the latest (re)start
+  double start_turned_ = 0;                     ///< turned_ then
+  double tilt_distance_ = 0;                    ///< distance_ from which on the tilt decays
+  double nis_scale_ = 1;                        ///< mean normalised innovation squared
   std::array<SourceState, 2> sources_;
   std::deque<double> inverse_heights_;    ///< of the moving average
   ContradictingRun rejected_speeds_;      ///< ln of the ratio

@@ -34,7 +34,7 @@ ScaleRecovery::Impl::Impl(const Options& o)
       mounting(options.mounting),
       direct(options.direct),
       filter(options.filter,
-             {options.camera_height, options.camera_height_sigma, options.speed_scale_sigma}),
+             {options.camera_height, options.cameraHeightSigma(), options.speed_scale_sigma}),
       trajectory(options.trajectory),
       path_speed(options.speed_sigma) {
   options.validate();
@@ -67,6 +67,7 @@ ScaleRecovery::Output ScaleRecovery::Impl::process(const VoFrame& frame, const c
   } else if (was_known && !filter.known()) {
     continuity = std::max(continuity, Continuity::kNewMap);  // its unit was another one
   }
+  if (options.record) smoother.addFrame(frame, continuity, scale, path_speed.speeds());
   output.pose = trajectory.append(frame, continuity, scale, path_speed.speeds());
   return output;
 }
@@ -80,6 +81,7 @@ void ScaleRecovery::Impl::follow(Continuity continuity) {
   map.known_scale = known_scale;
   filter.startMap();
   path_speed.startMap();
+  smoother.startMap();
 }
 
 /// A speed that no vehicle has.
@@ -126,8 +128,8 @@ MeasurementStatus ScaleRecovery::Impl::measure(const VoFrame& frame, const cv::M
     return MeasurementStatus::kStandstill;
   }
   CameraPath::Pose& current = map.path.add({frame.stamp_ns, frame.T_w_c});
-  filter.setLensIsEstimated(frame.camera.lens_is_estimated);
-  filter.predict(step, Eigen::AngleAxisd(map.path.lastMotion().linear()).angle());
+  filter.predict(step, Eigen::AngleAxisd(map.path.lastMotion().linear()).angle(),
+                 frame.camera.k1Sigma());
   RoadPrior& prior = current.prior;
   prior = mounting.prior(map.path, map.rough_height);
   prior.region_offset = visibleRegionOffset(frame.camera, prior);
@@ -137,6 +139,7 @@ MeasurementStatus ScaleRecovery::Impl::measure(const VoFrame& frame, const cv::M
   const Stopwatch watch;
   const bool accepted = updateFilter(output);
   if (!path_speed.speeds().empty()) measureSpeed(output);
+  if (options.record) smoother.addStep(filter);
   const bool has_measurement = output->plane.height > 0;
   if (filter.known()) map.known_scale = filter.scale();
   if (filter.heightKnown()) {
@@ -273,7 +276,14 @@ ScaleRecovery::ScaleRecovery(const Options& options) : impl_(std::make_unique<Im
 
 ScaleRecovery::~ScaleRecovery() = default;
 
-void ScaleRecovery::addSpeed(const SpeedSample& speed) { impl_->path_speed.add(speed); }
+void ScaleRecovery::addSpeed(const SpeedSample& speed) {
+  impl_->path_speed.add(speed);
+  if (impl_->options.record) impl_->smoother.addSpeed(speed);
+}
+
+std::vector<ScaleRecovery::Smoothed> ScaleRecovery::smoothed() const {
+  return impl_->options.record ? impl_->smoother.smoothed(impl_->options) : std::vector<Smoothed>();
+}
 
 ScaleRecovery::Output ScaleRecovery::process(const VoFrame& frame, const cv::Mat& image,
                                              const cv::Mat& mask) {
@@ -291,7 +301,7 @@ ScaleRecovery::Output ScaleRecovery::process(const VoFrame& frame, const cv::Mat
     output.speed_warning = impl_->path_speed.warning(frame.stamp_ns);
     if (output.speed_warning.empty()) {
       output.speed_warning =
-          heightWarning(options.camera_height, options.camera_height_sigma, output.scale);
+          heightWarning(options.camera_height, options.cameraHeightSigma(), output.scale);
     }
   }
   output.mounting_pitch = impl_->mounting.pitch();

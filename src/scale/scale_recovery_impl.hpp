@@ -7,6 +7,7 @@
 #include "ground_scale_vo/scale/scale_recovery.hpp"
 #include "scale/camera_path.hpp"
 #include "scale/direct_plane_estimator.hpp"
+#include "scale/drive_smoother.hpp"
 #include "scale/ground_points.hpp"
 #include "scale/metric_trajectory.hpp"
 #include "scale/path_speed.hpp"
@@ -54,6 +55,7 @@ struct ScaleRecovery::Impl {
   ScaleFilter filter;
   MetricTrajectory trajectory;
   PathSpeed path_speed;
+  DriveSmoother smoother;  ///< with options.record
 
   Map map;
   bool has_started = false;  ///< a frame was processed

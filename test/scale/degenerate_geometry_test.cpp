@@ -102,7 +102,7 @@ TEST(DegenerateRoad, ASceneWithoutRoadHasNoScale) {
 TEST(DegenerateFilter, IgnoresInvalidMeasurements) {
   ScaleFilter filter({}, {1.65, 0, 0});
   for (int i = 0; i < 20; ++i) {
-    filter.predict(1, 0);
+    filter.predict(1, 0, 0.02);
     filter.update(0.7, 0.02, 4);
   }
   ASSERT_TRUE(filter.known());

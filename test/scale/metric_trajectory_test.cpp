@@ -184,6 +184,32 @@ VoFrame withCovariance(VoFrame frame) {
 }
 
 // A rotation and a translation between the map's first frame and its first metric one.
+// A constant factor: it grows with the distance from the start, also over a gap between two maps,
+// and comes back with the vehicle.
+TEST(MetricTrajectory, TheErrorOfTheCameraHeightIsAFactorOfTheWholeDrive) {
+  MetricTrajectory::Options options;
+  options.direction_sigma = options.rotation_sigma_per_sqrt_m = 0;
+  Trajectory trajectory(options);
+  ScaleEstimate scale = scaleOf(2, 0.01);
+  scale.camera_height = 1.5;
+  scale.camera_height_sigma = 0.015;
+  std::optional<MetricPose> pose;
+  const auto drive = [&](int from, int to, double z, double step) {
+    for (int i = from; i < to; ++i) {
+      const bool starts = i == from && from > 0 && step > 0;
+      pose = trajectory.append(frameAt(i, straight(z + step * (i - from)),
+                                       starts ? Continuity::kNewMap : Continuity::kSameMap),
+                               scale);
+    }
+    return std::sqrt(pose->covariance(2, 2)) / pose->T_o_c.translation().z();
+  };
+  EXPECT_NEAR(drive(0, 101, 0, 0.5), 0.01, 1e-4);
+  EXPECT_NEAR(drive(101, 201, 0, 0.5), 0.01, 0.003);  // and the acceleration in the gap
+  const double far = std::sqrt(pose->covariance(2, 2));
+  drive(201, 300, 49, -0.4);
+  EXPECT_LT(std::sqrt(pose->covariance(2, 2)), 0.75 * far);
+}
+
 TEST(MetricTrajectory, TheFirstMotionAndItsErrorsAreInTheAxesOfTheFirstImage) {
   MetricTrajectory::Options options = exact();
   options.rotation_scale_sigma = 0.1;

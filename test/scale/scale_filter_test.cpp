@@ -14,6 +14,9 @@ constexpr double kRoadDistance = 5;  ///< of the measured road [VO units]
 /// A filter with a given camera height.
 struct Filter : ScaleFilter {
   explicit Filter(const Options& options = {}) : ScaleFilter(options, {1, 0, 0}) {}
+  void predict(double distance, double angle, double k1_sigma = 0.02) {
+    ScaleFilter::predict(distance, angle, k1_sigma);
+  }
   double sigma() const { return known() ? scaleSigma() * height() / scale() : 0; }  ///< of height()
 };
 
@@ -221,36 +224,25 @@ TEST(ScaleFilter, TheMovingAverageIsOverTheScaleNotTheHeight) {
   EXPECT_NEAR(1 / filter.height(), 2.0, 1e-12);
 }
 
-TEST(ScaleFilter, WithAnEstimatedLensTheDirectMeasurementCountsMore) {
-  const auto heightOf = [](bool lens_is_estimated, double last_direct) {
-    Filter filter;
-    filter.setLensIsEstimated(lens_is_estimated);
-    for (int i = 0; i < 100; ++i) {
-      filter.predict(0.5, 0);
-      filter.update(0.80, 0.01, kRoadDistance);
-      if (i >= last_direct) continue;
-      filter.update(0.82, 0.01, kRoadDistance, ScaleFilter::Source::kDirect);
-    }
-    return filter.height();
-  };
-  EXPECT_NEAR(heightOf(false, 100), 0.81, 0.003);
-  EXPECT_NEAR(heightOf(true, 100), 0.816, 0.002);
-  // Without direct measurements, the feature-based ones have their full weight again.
-  EXPECT_NEAR(heightOf(true, 20), 0.80, 0.001);
-}
-
-TEST(ScaleFilter, WithAnEstimatedLensATurnAddsLessNoise) {
-  const auto sigmaAfterTurn = [](bool lens_is_estimated) {
+TEST(ScaleFilter, ATurnAddsLessNoiseWithAKnownLens) {
+  const auto sigmaAfterTurn = [](double k1_sigma) {
     Filter filter(withoutNisScaling());
-    filter.setLensIsEstimated(true);
     drive(&filter, 100, 0.8, 0.01);
-    filter.startMap();
-    filter.setLensIsEstimated(lens_is_estimated);
-    drive(&filter, 100, 0.8, 0.01);
-    filter.predict(0, 1.5);
+    filter.predict(0, 1.5, k1_sigma);
     return filter.sigma();
   };
-  EXPECT_LT(sigmaAfterTurn(true), 0.6 * sigmaAfterTurn(false));
+  EXPECT_LT(sigmaAfterTurn(0.003), 0.6 * sigmaAfterTurn(0.02));
+}
+
+// The points of a map that turns before it has a scale are less accurate.
+TEST(ScaleFilter, AStartInATurnIsLessAccurate) {
+  const auto sigmaAtStart = [](double angle) {
+    Filter filter;
+    filter.predict(1, angle);
+    EXPECT_TRUE(filter.update(0.8, 0.01, kRoadDistance));
+    return filter.sigma();
+  };
+  EXPECT_GT(sigmaAtStart(0.15), 2 * sigmaAtStart(0));
 }
 
 /// Points on a pavement that is 3 % of the camera height above the lane, and in every tenth frame

@@ -9,10 +9,11 @@
 
 namespace ground_scale_vo {
 
-/// Default options except for the camera height [m].
+/// Default options except for the camera height [m], which is exact.
 inline OfflineRun::Options optionsFor(double camera_height) {
   OfflineRun::Options options;
   options.scale.camera_height = camera_height;
+  options.scale.camera_height_sigma = 0;
   return options;
 }
 

@@ -102,8 +102,9 @@ constexpr GroundTruthAccuracy kGpsImuAccuracy{0.05, 0.1 * kRadiansPerDegree, 0.0
 /// P = P_j - F P_i F^T. (The errors of the scale shortly before and after i are correlated, so P is
 /// too large along the direction of motion: over 10 m up to 2.7 times.) Where the scale, and
 /// with it the position, is known better at j than at i, the difference may be singular or not
-/// positive definite; then e_i and e_j count as independent: P = P_j + F P_i F^T. The covariance of
-/// the ground truth's relative pose is added to P.
+/// positive definite; then e_i and e_j count as independent: P = P_j + F P_i F^T. The error of the
+/// camera height is a constant factor instead: it is left out of P_i and P_j, and its share of the
+/// motion from i to j added. The covariance of the ground truth's relative pose is added to P.
 struct RelativePoseError {
   Vector6d error;
   Matrix6d covariance;

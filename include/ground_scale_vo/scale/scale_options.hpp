@@ -11,6 +11,8 @@ namespace ground_scale_vo {
 
 /// [m] range of the camera height above the road.
 constexpr double kMinCameraHeight = 0.05, kMaxCameraHeight = 100;
+/// Relative standard deviation of a camera height that was measured with care.
+constexpr double kUsualHeightSigma = 0.01;
 
 /// The average of the camera's mounting.
 struct MountingOptions {
@@ -165,20 +167,23 @@ struct DirectPlaneEstimatorOptions {
 
 /// The filter of the camera height.
 struct ScaleFilterOptions {
-  double correlation_heights = 3;
-  double drift_per_sqrt_rad = 0.05;  ///< a turn replaces the part of the map that carries the scale
+  double correlation_heights = 5;
+  double drift_per_k1_sigma = 2.5;
   double kerb_sigma = 0.02;
   double nis_memory_heights = 20;
 
   double start_tilt_sigma_rad = 0.007;
+  double start_tilt_per_rad = 0.1;
 
   int moving_average_frames = 0;  ///< replaces the Kalman filter by a moving average of the scale
   template <typename Self, typename Visit>
   static void visitParameters(Self& self, Visit&& visit) {
     visit("correlation_heights", self.correlation_heights, 0, 1e6,
           "[camera heights] correlation length of the errors of one source");
-    visit("drift_per_sqrt_rad", self.drift_per_sqrt_rad, 0, 1,
-          "[] random walk of ln h over one radian of rotation");
+    visit(
+        "drift_per_k1_sigma", self.drift_per_k1_sigma, 0, 100,
+        "[] random walk of ln h over one radian of rotation, per standard deviation of k1: a wrong "
+        "lens changes the unit of the map in turns");
     visit("kerb_sigma", self.kerb_sigma, 0, 1,
           "[] standard deviation of the kerb: of ln of the height above the ground beside the "
           "lane by that above the lane");
@@ -186,6 +191,8 @@ struct ScaleFilterOptions {
           "[camera heights] averaging length of the NIS that scales sigma");
     visit("start_tilt_sigma_rad", self.start_tilt_sigma_rad, 0, 1,
           "[rad] standard deviation of the tilt of a young map");
+    visit("start_tilt_per_rad", self.start_tilt_per_rad, 0, 10,
+          "[] the same, in addition, per rotation up to the first measurement");
     visit("moving_average_frames", self.moving_average_frames, 0, 1e6,
           "[frames] moving average of the scale instead of the Kalman filter; 0: off");
   }
@@ -224,12 +231,13 @@ struct MetricTrajectoryOptions {
 struct ScaleRecoveryOptions {
   /// h* above the road [m]; 0: not known, which needs use_speed.
   double camera_height = 0;
-  double camera_height_sigma = 0;  ///< [m] learned from speeds if positive
-  bool use_speed = false;          ///< addSpeed() will be called
+  double camera_height_sigma = -1;  ///< [m] negative: kUsualHeightSigma
+  bool use_speed = false;           ///< addSpeed() will be called
   double speed_sigma = 0.05;
   double speed_scale_sigma = 0;
   std::uint64_t random_seed = 1;
-  bool refine = true;  ///< false: no direct measurements
+  bool refine = true;   ///< false: no direct measurements
+  bool record = false;  ///< for ScaleRecovery::smoothed(); about 2 kB per frame
   double standstill_distance_heights = 0.02;
 
   MountingOptions mounting;
@@ -242,8 +250,9 @@ struct ScaleRecoveryOptions {
   /// All of this struct but camera_height, which has no default.
   template <typename Self, typename Visit>
   static void visitParameters(Self& self, Visit&& visit) {
-    visit("camera_height_sigma", self.camera_height_sigma, 0, 10,
-          "[m] standard deviation of camera_height, which speeds then correct; 0: it is exact");
+    visit("camera_height_sigma", self.camera_height_sigma, -1, 10,
+          "[m] standard deviation of camera_height, which speeds then correct; 0: it is exact; "
+          "negative: 1 % of it");
     visit("use_speed", self.use_speed,
           "[] use speeds of the vehicle; camera_height may then be left out");
     visit("speed_sigma", self.speed_sigma, 1e-4, 100,
@@ -268,6 +277,10 @@ struct ScaleRecoveryOptions {
     visit("direct/", self.direct);
     visit("filter/", self.filter);
     visit("trajectory/", self.trajectory);
+  }
+  /// [m] of camera_height.
+  double cameraHeightSigma() const {
+    return camera_height_sigma < 0 ? kUsualHeightSigma * camera_height : camera_height_sigma;
   }
   /// Throws OptionError.
   void validate() const;

@@ -75,6 +75,16 @@ class ScaleRecovery {
   /// One that is not finite or not in order is ignored.
   void addSpeed(const SpeedSample& speed);
 
+  /// What a frame gets when all measurements are known.
+  struct Smoothed {
+    ScaleEstimate scale;
+    std::optional<MetricPose> pose;
+  };
+  /// Of all frames since the last new trajectory, in their order: with each scale from all
+  /// measurements of its map, also later ones (a Rauch-Tung-Striebel smoother), so that also the
+  /// first metres of a map have one. Empty without Options::record.
+  std::vector<Smoothed> smoothed() const;
+
  private:
   struct Impl;
   std::unique_ptr<Impl> impl_;

@@ -189,31 +189,6 @@ py::object nextRectified(const ReaderPtr& reader) {
   }
 }
 
-/// Runs the odometry over a drive, shows the progress and writes the results. Returns warnings,
-/// summary, failure and exit status.
-py::dict run(const ReaderPtr& reader, const std::string& name, double camera_height,
-             const std::vector<std::string>& settings, const std::string& speed_file,
-             const std::string& folder, bool is_strict) {
-  gsv::DriveRun result;
-  {
-    const py::gil_scoped_release release;
-    gsv::DriveRun::Options options;
-    options.odometry.scale.camera_height = camera_height;
-    options.settings = settings;
-    if (!speed_file.empty()) options.speeds = gsv::readSpeeds(speed_file);
-    gsv::RunProgress progress(name, reader->drive->count());
-    result = gsv::runDrive(reader->drive.get(), options,
-                           [&](const gsv::RunFrame& frame) { progress.show(frame); });
-    gsv::writeRun(folder, result, camera_height, reader->truth);
-  }
-  py::dict report;
-  report["warnings"] = result.warnings;
-  report["summary"] = result.summary();
-  report["failure"] = result.failure;
-  report["status"] = result.exitStatus(is_strict);
-  return report;
-}
-
 /// open: () -> Reader. The GIL is held only while it is called. camera: of the images' size, else
 /// the drive throws DataError.
 gsv::RepeatableDrive toDrive(const py::object& open, const std::string& name,
@@ -236,6 +211,38 @@ gsv::RepeatableDrive toDrive(const py::object& open, const std::string& name,
     const py::gil_scoped_acquire acquire;
     reader.reset();
   };
+}
+
+/// Runs the odometry over a drive, shows the progress and writes the results. open: () -> Reader.
+/// is_smooth: DriveRun::Options::smooth, with lensOfDrive(). Returns warnings, summary, failure and
+/// exit status.
+py::dict run(const py::object& open, const std::string& name, double camera_height,
+             const std::vector<std::string>& settings, const std::string& speed_file,
+             const std::string& folder, bool is_smooth, bool is_strict) {
+  const auto reader = open().cast<ReaderPtr>();
+  const gsv::RepeatableDrive images = toDrive(open, name + ", lens", reader->drive->camera());
+  gsv::DriveRun result;
+  {
+    const py::gil_scoped_release release;
+    gsv::DriveRun::Options options;
+    options.odometry.scale.camera_height = camera_height;
+    options.settings = settings;
+    if (!speed_file.empty()) options.speeds = gsv::readSpeeds(speed_file);
+    if (is_smooth) {
+      options.smooth = true;
+      options.lens = gsv::lensOfDrive(images, *reader->drive, options);
+    }
+    gsv::RunProgress progress(name, reader->drive->count());
+    result = gsv::runDrive(reader->drive.get(), options,
+                           [&](const gsv::RunFrame& frame) { progress.show(frame); });
+    gsv::writeRun(folder, result, camera_height, reader->truth);
+  }
+  py::dict report;
+  report["warnings"] = result.warnings;
+  report["summary"] = result.summary();
+  report["failure"] = result.failure;
+  report["status"] = result.exitStatus(is_strict);
+  return report;
 }
 
 /// Prints the estimates of the drives. Throws DataError when the lens is not observable.
@@ -299,7 +306,8 @@ void calibrateLens(const std::vector<py::object>& drives, const std::vector<std:
   }
   const gsv::LensCalibration calibration(options);
   const py::gil_scoped_release release;
-  const gsv::LensCalibration::Result result = calibration.calibrate(repeatable, start);
+  const gsv::LensCalibration::Result result =
+      calibration.calibrate(repeatable, start, first->drive->mask());
   show(result, names);
   gsv::CameraCalibration estimate = gsv::calibrationOf(result.estimate.lens);
   estimate.estimated = true;

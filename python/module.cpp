@@ -52,8 +52,9 @@ std::vector<double> toHeights(const std::optional<Reals>& array, const std::stri
 }
 
 gsv::MetricOdometry::Options makeOptions(double camera_height,
-                                         const std::vector<std::string>& settings) {
+                                         const std::vector<std::string>& settings, bool record) {
   gsv::MetricOdometry::Options options;
+  options.scale.record = record;
   for (const std::string& setting : settings) gsv::setOption(options, setting);
   options.scale.camera_height = camera_height;
   return options;
@@ -128,6 +129,26 @@ py::dict toResult(const Output& output) {
   return result;
 }
 
+/// The results of a run.
+struct Record {
+  gsv::RunRecord run;
+  double camera_height;
+
+  Reals poses() const { return fromPoses(run.metricPoses()); }
+
+  std::string metrics(const std::optional<Reals>& poses,
+                      const std::optional<Reals>& heights) const {
+    return gsv::metricsJson(run, camera_height, toPoses(poses, "ground_truth"),
+                            toHeights(heights, "ground_truth_heights"));
+  }
+
+  void write(const std::string& folder, const std::optional<Reals>& poses,
+             const std::optional<Reals>& heights) const {
+    gsv::writeRun(folder, run, camera_height, toPoses(poses, "ground_truth"),
+                  toHeights(heights, "ground_truth_heights"));
+  }
+};
+
 /// MetricOdometry, and on request the record of its run. Processes one image at a time, also when
 /// several threads call it.
 class Odometry {
@@ -135,7 +156,7 @@ class Odometry {
   Odometry(const CameraTuple& camera, double camera_height,
            const std::vector<std::string>& settings, const std::optional<Bytes>& mask, bool record)
       : camera_height_(camera_height),
-        odometry_(makeCamera(camera), makeOptions(camera_height, settings),
+        odometry_(makeCamera(camera), makeOptions(camera_height, settings, record),
                   mask ? toImage(*mask) : cv::Mat()) {
     if (record) record_.emplace();
   }
@@ -163,27 +184,21 @@ class Odometry {
     return toResult(output);
   }
 
-  Reals poses() {
+  Record record() {
     const std::lock_guard<std::mutex> lock(mutex_);
-    return fromPoses(record().metricPoses());
+    return {requireRecord(), camera_height_};
   }
 
-  std::string metrics(const std::optional<Reals>& poses, const std::optional<Reals>& heights) {
+  Record smoothed() {
     const std::lock_guard<std::mutex> lock(mutex_);
-    return gsv::metricsJson(record(), camera_height_, toPoses(poses, "ground_truth"),
-                            toHeights(heights, "ground_truth_heights"));
-  }
-
-  void write(const std::string& folder, const std::optional<Reals>& poses,
-             const std::optional<Reals>& heights) {
-    const std::lock_guard<std::mutex> lock(mutex_);
-    gsv::writeRun(folder, record(), camera_height_, toPoses(poses, "ground_truth"),
-                  toHeights(heights, "ground_truth_heights"));
+    Record smoothed{requireRecord(), camera_height_};
+    smoothed.run.smooth(odometry_.smoothed());
+    return smoothed;
   }
 
  private:
   /// Throws OptionError without a record.
-  const gsv::RunRecord& record() const {
+  const gsv::RunRecord& requireRecord() const {
     if (!record_) throw gsv::OptionError("record is False: MetricOdometry keeps no record");
     return *record_;
   }
@@ -205,9 +220,12 @@ PYBIND11_MODULE(_core, module) {
                     const std::optional<Bytes>&, bool>())
       .def("process", &Odometry::process)
       .def("add_speed", &Odometry::addSpeed)
-      .def("poses", &Odometry::poses)
-      .def("metrics", &Odometry::metrics)
-      .def("write", &Odometry::write);
+      .def("record", &Odometry::record)
+      .def("smoothed", &Odometry::smoothed);
+  py::class_<Record>(module, "Record")
+      .def("poses", &Record::poses)
+      .def("metrics", &Record::metrics)
+      .def("write", &Record::write);
   addDrives(&module);
   module.def("read_options", &gsv::readOptions);
   module.def("require_new_file",

@@ -107,7 +107,7 @@ def draw_scale(file, scale, camera_height, title):
     axes.plot(time[measured], heights, ".", color=RAW, markersize=3, label="unfiltered")
     axes.fill_between(time, height * (1 - relative), height * (1 + relative),
                       color=ESTIMATE, alpha=0.25, linewidth=0, label=r"filtered, $\pm 2\sigma$")
-    learned = scale["camera_height_sigma"] > 0
+    learned = (scale["camera_height_sigma"] > 0) & np.isin(scale["source"], ("speed", "both")).any()
     if learned.any():
         band = 2 * np.where(learned, scale["camera_height_sigma"], np.nan)
         axes.fill_between(time, height - band, height + band, color=TARGET, alpha=0.25, linewidth=0,

@@ -9,9 +9,9 @@ import pkgutil
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from .odometry import Camera, DataError, Drive, MetricOdometry, Result, open_drive
+    from .odometry import Camera, DataError, Drive, MetricOdometry, Record, Result, open_drive
 
-__all__ = ["Camera", "DataError", "Drive", "MetricOdometry", "Result", "open_drive"]
+__all__ = ["Camera", "DataError", "Drive", "MetricOdometry", "Record", "Result", "open_drive"]
 
 # The ROS messages, ground_scale_vo.msg, are in another folder of this name, with a copy of this file. Whichever
 # of the two comes first in sys.path finds the modules of both.

@@ -52,6 +52,9 @@ def add_run(command):
                          "sigma, or the folder oxts/ of a KITTI raw drive")
     command.add_argument("--out", type=pathlib.Path, default=pathlib.Path("results"), metavar="DIR",
                          help="results go to DIR/<name of the input>/ (default: results)")
+    command.add_argument("--smooth", action="store_true",
+                         help="the best trajectory after the drive: the lens is estimated from all images first, and "
+                         "each scale from all measurements of its map, also later ones")
     command.add_argument("--strict", action="store_true", help="exit status 1 also after a warning")
     add_common(command)
 
@@ -134,9 +137,8 @@ def run(arguments):
         raise ValueError(f"--out {arguments.out} would write the results to the input")
     if arguments.camera_height is None and not arguments.speed:
         raise ValueError("--camera-height is needed, or --speed, see --help")
-    reader = opener(arguments.input, arguments)()
-    result = _core.run(reader, name, arguments.camera_height or 0.0, arguments.set, str(arguments.speed or ""), str(folder),
-                       arguments.strict)
+    result = _core.run(opener(arguments.input, arguments), name, arguments.camera_height or 0.0, arguments.set,
+                       str(arguments.speed or ""), str(folder), arguments.smooth, arguments.strict)
     draw(folder)
     for sentence in result["warnings"]:
         print(f"{name}: {sentence}", file=sys.stderr)

@@ -74,7 +74,36 @@ class Result(NamedTuple):
     points: np.ndarray
 
 
-class MetricOdometry:
+class Record:
+    """The results of all images so far."""
+
+    def __init__(self, get: Callable[[], Any]) -> None:
+        self._get = get
+
+    def poses(self) -> np.ndarray:
+        """(N, 4, 4) float64: a pose of every image, from its camera to the first one [m]. Images
+        without a metric pose hold the last one; those before the first metric pose get theirs from
+        the first scale, or are the identity before the start of its map."""
+        return self._get().poses()
+
+    def metrics(self, ground_truth: Optional[np.ndarray] = None,
+                ground_truth_heights: Optional[np.ndarray] = None) -> Dict[str, Any]:
+        """The contents of metrics.json (docs/reference/commands.md): relative length error, errors of
+        the KITTI devkit, consistency of the covariances, times. None where one is not known.
+
+        ground_truth: (N, 4, 4), from each camera to the first one [m].
+        ground_truth_heights: (N,), exact height of each camera above the road [m].
+        """
+        return json.loads(self._get().metrics(*_truth(ground_truth, ground_truth_heights)))
+
+    def write(self, folder: Union[str, "os.PathLike[str]"], ground_truth: Optional[np.ndarray] = None,
+              ground_truth_heights: Optional[np.ndarray] = None) -> None:
+        """Writes the files of scripts/evaluate: poses.txt, trajectory_tum.txt, scale.csv, metrics.json
+        and others. Ground truth as for metrics(). Raises DataError."""
+        self._get().write(_path("folder", folder), *_truth(ground_truth, ground_truth_heights))
+
+
+class MetricOdometry(Record):
     """Metric odometry of one camera: causal and deterministic. Calls from several threads are
     processed one after the other.
 
@@ -82,7 +111,7 @@ class MetricOdometry:
     camera_height: [m] above the road; 0: not known, which needs use_speed=True and add_speed().
     mask: (height, width) uint8, 0 where the images never show the scene (own vehicle, watermark);
         None: no such region.
-    record: keep the results (about 1 kB an image) for poses(), metrics() and write().
+    record: keep the results (about 3 kB an image) for poses(), metrics(), write() and smoothed().
     options: numbers and bools under the names of docs/reference/parameters.md, such as refine=False;
         names with a group as **{"tracker/cell_size": 0.02}.
     """
@@ -102,6 +131,7 @@ class MetricOdometry:
             size + numbers + camera[6:], _number("camera_height", camera_height),
             [_setting(name, value) for name, value in options.items()],
             None if mask is None else _mask(mask, self._shape), bool(record))
+        super().__init__(self._odometry.record)
 
     def process(self, image: np.ndarray, stamp: int) -> Result:
         """Processes the next image of the drive, and releases the GIL meanwhile.
@@ -124,27 +154,11 @@ class MetricOdometry:
         self._odometry.add_speed(_integer("stamp", stamp, _LAST_STAMP_NS), _number("speed", speed),
                                  _number("sigma", sigma))
 
-    def poses(self) -> np.ndarray:
-        """(N, 4, 4) float64: a pose of every image, from its camera to the first one [m]. Images
-        without a metric pose hold the last one; those before the first metric pose get theirs from
-        the first scale, or are the identity before the start of its map."""
-        return self._odometry.poses()
-
-    def metrics(self, ground_truth: Optional[np.ndarray] = None,
-                ground_truth_heights: Optional[np.ndarray] = None) -> Dict[str, Any]:
-        """The contents of metrics.json (docs/reference/commands.md): relative length error, errors of
-        the KITTI devkit, consistency of the covariances, times. None where one is not known.
-
-        ground_truth: (N, 4, 4), from each camera to the first one [m].
-        ground_truth_heights: (N,), exact height of each camera above the road [m].
-        """
-        return json.loads(self._odometry.metrics(*_truth(ground_truth, ground_truth_heights)))
-
-    def write(self, folder: Union[str, "os.PathLike[str]"], ground_truth: Optional[np.ndarray] = None,
-              ground_truth_heights: Optional[np.ndarray] = None) -> None:
-        """Writes the files of scripts/evaluate: poses.txt, trajectory_tum.txt, scale.csv, metrics.json
-        and others. Ground truth as for metrics(). Raises DataError."""
-        self._odometry.write(_path("folder", folder), *_truth(ground_truth, ground_truth_heights))
+    def smoothed(self) -> Record:
+        """The results with each scale from all measurements of its map, also later ones: the first metres of a map
+        have poses, and errors are smaller. Raises ValueError without record=True."""
+        record = self._odometry.smoothed()
+        return Record(lambda: record)
 
 
 class Drive:

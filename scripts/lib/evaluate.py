@@ -2,7 +2,7 @@
 the results, and prints one table over all of them. Installs missing packages and builds first.
 
   scripts/evaluate SEQ... [--camera FILE] [--mask FILE] [--fps HZ] [--options FILE] [--set GROUP/NAME=VALUE]... [--unrectified]
-                   [--refine-camera] [--strict]
+                   [--refine-camera] [--smooth] [--strict]
 
 passes these options to run_sequence: see run_sequence --help.
 
@@ -50,7 +50,7 @@ def parse():
                         "most the number of idle cores")
     for name in ("--camera", "--mask", "--fps", "--options", "--set"):
         parser.add_argument(name, action=Forward, dest="options", default=[], nargs=1, help=argparse.SUPPRESS)
-    for name in ("--unrectified", "--refine-camera", "--strict"):
+    for name in ("--unrectified", "--refine-camera", "--smooth", "--strict"):
         parser.add_argument(name, action=Forward, dest="options", default=[], nargs=0, help=argparse.SUPPRESS)
     arguments = parser.parse_intermixed_args()
     if not arguments.sequences:

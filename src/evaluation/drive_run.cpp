@@ -95,6 +95,16 @@ void addSpeedWarnings(const RunRecord& record, const std::vector<SpeedSample>& s
   }
 }
 
+MetricOdometry::Options optionsOf(const DriveRun::Options& options, const DriveReader& drive) {
+  MetricOdometry::Options result = options.odometry;
+  result.odometry.vo.readout_time = drive.camera().readout_time;
+  for (const std::string& setting : options.settings) setOption(result, setting);
+  if (!options.speeds.empty()) result.scale.use_speed = true;
+  result.scale.record = options.smooth;
+  result.validate();
+  return result;
+}
+
 }  // namespace
 
 std::string DriveRun::summary() const {
@@ -112,20 +122,39 @@ std::string DriveRun::summary() const {
                 100.0 * static_cast<double>(metric.held) / static_cast<double>(metric.count)) +
          format("length %.1f m, standard deviation %.1f m", length,
                 lengthSigma(record, *metric.last, length)) +
-         (metric.last->scale.camera_height_sigma > 0
+         (record.usedSpeeds() && metric.last->scale.camera_height_sigma > 0
               ? format("; camera height %.3f m, standard deviation %.3f m",
                        metric.last->scale.camera_height, metric.last->scale.camera_height_sigma)
               : "");
 }
 
+LensEstimate lensOfDrive(const RepeatableDrive& images, const DriveReader& drive,
+                         const DriveRun::Options& options) {
+  constexpr int kRuns = 2;  // the first one with the calibration, the second one with its result
+  LensCalibration::Options calibration;
+  calibration.vo = optionsOf(options, drive).odometry.vo;
+  calibration.max_runs = kRuns;
+  const RepeatableDrive same_images = [&images](const ImageVisitor& visit) { images(visit); };
+  const LensCalibration::Result result =
+      LensCalibration(calibration).calibrate({same_images}, lensOf(drive.camera()), drive.mask());
+  LensEstimate estimate{lensOf(drive.camera())};
+  if (result.status != LensEstimator::Status::kOk || result.confirmed) return estimate;
+  estimate = result.estimate;
+  estimate.lens.camera.lens_is_estimated = true;
+  estimate.lens.camera.k1_sigma = estimate.sigmas()[3];
+  return estimate;
+}
+
 DriveRun runDrive(DriveReader* drive, const DriveRun::Options& options,
                   const DriveRun::OnFrame& on_frame) {
-  MetricOdometry::Options odometry_options = options.odometry;
-  odometry_options.odometry.vo.readout_time = drive->camera().readout_time;
-  for (const std::string& setting : options.settings) setOption(odometry_options, setting);
-  if (!options.speeds.empty()) odometry_options.scale.use_speed = true;
-  odometry_options.validate();
-  OfflineRun offline(drive->camera(), odometry_options, drive->mask());
+  MetricOdometry::Options odometry_options = optionsOf(options, *drive);
+  CameraCalibration camera = drive->camera();
+  if (options.lens) {
+    odometry_options.odometry.refine_camera = false;
+    if (options.lens->isEstimate()) camera = calibrationOf(options.lens->lens);
+    camera.is_part = drive->camera().is_part;
+  }
+  OfflineRun offline(camera, odometry_options, drive->mask());
   offline.setSpeeds(options.speeds);
   while (const auto image = drive->next()) {
     if (image->grey.empty()) {
@@ -135,9 +164,10 @@ DriveRun runDrive(DriveReader* drive, const DriveRun::Options& options,
     }
     on_frame(offline.record().frames().back());
   }
+  if (options.smooth) offline.smooth();
   DriveRun run;
   run.record = offline.record();
-  run.lens = offline.lens();
+  run.lens = options.lens.value_or(offline.lens());
   run.used = drive->used();
   run.warnings = drive->warnings();
   run.failure = drive->failure();
@@ -172,7 +202,7 @@ void writeRun(const fs::path& folder, const DriveRun& run, double camera_height,
   writeRun(folder, run.record, camera_height, truth.poses, truth.heights);
   if (!run.lens.isEstimate()) return;
   writeFile(folder / "camera.yaml",
-            cameraYaml(calibrationOf(run.lens.lens), "Refined while driving."));
+            cameraYaml(calibrationOf(run.lens.lens), "Estimated from the drive."));
 }
 
 }  // namespace ground_scale_vo

@@ -17,8 +17,6 @@ void RunRecord::append(const VisualOdometry::Output& vo, const ScaleRecovery::Ou
   frame.map_id = vo.frame.map_id;
   frame.has_vo_pose = vo.frame.status == VoStatus::kTracking;
   if (frame.has_vo_pose) frame.T_w_c = vo.frame.T_w_c;
-  if (!frames_.empty()) frame.T_o_c = frames_.back().T_o_c;
-  frame.scale = scale.scale;
   frame.speed_warning = scale.speed_warning;
   frame.decode_ms = decode_ms;
   frame.vo_times = vo.times;
@@ -37,12 +35,37 @@ void RunRecord::append(const VisualOdometry::Output& vo, const ScaleRecovery::Ou
     earlier.T_w_c = start.T_w_c;
   }
 
-  if (!scale.pose) return;
-  frames_.back().T_o_c = scale.pose->T_o_c;
-  frames_.back().covariance = scale.pose->covariance;
-  frames_.back().has_metric_pose = true;
-  if (!has_metric_pose_) fillBackwards(scale.scale.scale, scale.pose->T_o_c);
+  setMetric(frames_.size() - 1, scale.scale, scale.pose);
+}
+
+/// Precondition: the frames before it have theirs.
+void RunRecord::setMetric(std::size_t index, const ScaleEstimate& scale,
+                          const std::optional<MetricPose>& pose) {
+  RunFrame& frame = frames_[index];
+  frame.scale = scale;
+  frame.backfilled = false;
+  frame.has_metric_pose = pose.has_value();
+  frame.T_o_c = pose        ? pose->T_o_c
+                : index > 0 ? frames_[index - 1].T_o_c
+                            : Eigen::Isometry3d::Identity();
+  if (!pose) return;
+  frame.covariance = pose->covariance;
+  if (!has_metric_pose_) fillBackwards(index);
   has_metric_pose_ = true;
+}
+
+void RunRecord::smooth(const std::vector<ScaleRecovery::Smoothed>& smoothed) {
+  is_smoothed_ = true;
+  has_metric_pose_ = false;
+  std::size_t used = 0;
+  for (std::size_t i = 0; i < frames_.size(); ++i) {
+    if (used < frame_of_.size() && frame_of_[used] == i) {
+      setMetric(i, smoothed.at(used).scale, smoothed.at(used).pose);
+      ++used;
+    } else {
+      holdMetric(i);
+    }
+  }
 }
 
 void RunRecord::appendUnused(std::int64_t stamp_ns) {
@@ -53,24 +76,29 @@ void RunRecord::appendUnused(std::int64_t stamp_ns) {
   if (!frames_.empty()) {
     frame.vo_status = frames_.back().vo_status;
     frame.map_id = frames_.back().map_id;
-    frame.T_o_c = frames_.back().T_o_c;
-    frame.scale = frames_.back().scale;
-    frame.scale.status =
-        frame.scale.status == ScaleStatus::kUnknown ? ScaleStatus::kUnknown : ScaleStatus::kHeld;
   }
   frames_.push_back(frame);
+  holdMetric(frames_.size() - 1);
 }
 
-/// T_o_c: of the newest frame.
-void RunRecord::fillBackwards(double scale, const Eigen::Isometry3d& T_o_c) {
-  const std::uint32_t map_id = frames_.back().map_id;
-  const auto metric = [scale](Eigen::Isometry3d T_w_c) {
+void RunRecord::holdMetric(std::size_t index) {
+  if (index == 0) return;
+  ScaleEstimate scale = frames_[index - 1].scale;
+  if (scale.status == ScaleStatus::kOk) scale.status = ScaleStatus::kHeld;
+  setMetric(index, scale, std::nullopt);
+}
+
+/// index: of the first frame with a metric pose.
+void RunRecord::fillBackwards(std::size_t index) {
+  const Eigen::Isometry3d T_o_c = frames_[index].T_o_c;
+  const std::uint32_t map_id = frames_[index].map_id;
+  const auto metric = [scale = frames_[index].scale.scale](Eigen::Isometry3d T_w_c) {
     T_w_c.translation() *= scale;
     return T_w_c;
   };
-  const Eigen::Isometry3d T_o_w = T_o_c * metric(frames_.back().T_w_c).inverse();
+  const Eigen::Isometry3d T_o_w = T_o_c * metric(frames_[index].T_w_c).inverse();
   Eigen::Isometry3d last = Eigen::Isometry3d::Identity();
-  for (std::size_t i = 0; i + 1 < frames_.size(); ++i) {
+  for (std::size_t i = 0; i < index; ++i) {
     RunFrame& frame = frames_[i];
     if (frame.has_vo_pose && frame.map_id == map_id) {
       last = T_o_w * metric(frame.T_w_c);
@@ -83,6 +111,12 @@ void RunRecord::fillBackwards(double scale, const Eigen::Isometry3d& T_o_c) {
 std::size_t RunRecord::trackedFrames() const {
   return static_cast<std::size_t>(std::count_if(
       frames_.begin(), frames_.end(), [](const RunFrame& frame) { return frame.has_vo_pose; }));
+}
+
+bool RunRecord::usedSpeeds() const {
+  return std::any_of(frames_.begin(), frames_.end(), [](const RunFrame& frame) {
+    return frame.scale.source == ScaleSource::kSpeed || frame.scale.source == ScaleSource::kBoth;
+  });
 }
 
 std::size_t RunRecord::lostEvents() const {

@@ -92,8 +92,9 @@ std::string metricsJson(const RunRecord& record, double camera_height,
   json["backfilled_frames"] = std::count_if(frames.begin(), frames.end(),
                                             [](const RunFrame& frame) { return frame.backfilled; });
   json["camera_height_m"] = camera_height;
+  json["smoothed"] = record.isSmoothed();
   json["length_m"] = pathLength(poses);
-  if (!frames.empty() && frames.back().scale.camera_height_sigma > 0) {
+  if (record.usedSpeeds() && frames.back().scale.camera_height_sigma > 0) {
     json["learned_camera_height_m"] = frames.back().scale.camera_height;
     json["learned_camera_height_sigma_m"] = frames.back().scale.camera_height_sigma;
   }

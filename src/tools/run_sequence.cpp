@@ -18,7 +18,7 @@ namespace gsv = ground_scale_vo;
 namespace {
 
 struct Arguments : gsv::DriveArguments {
-  bool only_check = false, strict = false;
+  bool only_check = false, strict = false, smooth = false;
 };
 
 int run(const Arguments& arguments) {
@@ -34,10 +34,23 @@ int run(const Arguments& arguments) {
   }
   std::vector<gsv::SpeedSample> speeds;
   if (!arguments.speed_file.empty()) speeds = gsv::readSpeeds(arguments.speed_file);
+  gsv::DriveRun::Options options{
+      arguments.options, arguments.settings, speeds, arguments.smooth, {}};
+  if (arguments.smooth) {
+    const auto images = [&, pass = 0](const gsv::ImageVisitor& visit) mutable {
+      const auto again = gsv::openDrive(arguments.drive);
+      gsv::ProgressLine progress(name + ", lens " + std::to_string(++pass), again->count());
+      while (const auto image = again->next()) {
+        if (!image->grey.empty()) visit(image->grey, image->stamp_ns);
+        progress.step(" images");
+      }
+    };
+    options.lens = gsv::lensOfDrive(images, *drive, options);
+  }
   gsv::DriveRun result;
   {
     gsv::RunProgress progress(name, drive->count());
-    result = gsv::runDrive(drive.get(), {arguments.options, arguments.settings, speeds},
+    result = gsv::runDrive(drive.get(), options,
                            [&](const gsv::RunFrame& frame) { progress.show(frame); });
   }
   gsv::writeRun(folder, result, arguments.options.scale.camera_height, truth);
@@ -57,8 +70,8 @@ int main(int argc, char** argv) {
   Arguments arguments;
   gsv::CommandLine command_line(
       "run_sequence",
-      "Metric odometry of a drive without ROS: every image, deterministic. A pose never "
-      "uses later images, except that the frames before the first scale get that scale.",
+      "Metric odometry of a drive without ROS: every image, deterministic. Without --smooth a "
+      "pose never uses later images, except that the frames before the first scale get that scale.",
       "Exit status: 0 done, 1 the data cannot be used or only in part (the reason is printed), 2 "
       "the "
       "arguments cannot be used.");
@@ -72,6 +85,9 @@ int main(int argc, char** argv) {
       ("refine-camera",
        "the default: estimates the lens while driving and undistorts the images by it; the result "
        "goes to camera.yaml. --set refine_camera=false: the calibration is exact")  //
+      ("smooth", gsv::po::bool_switch(&arguments.smooth),
+       "the best trajectory after the drive: the lens is estimated from all images first, and each "
+       "scale from all measurements of its map, also later ones")  //
       ("strict", gsv::po::bool_switch(&arguments.strict),
        "exit status 1 also after a warning")  //
       ("check", gsv::po::bool_switch(&arguments.only_check),

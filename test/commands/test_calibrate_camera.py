@@ -1,12 +1,14 @@
 """The command `ground_scale_vo calibrate` of the Python package, and scripts/calibrate_camera, which runs it."""
 
+import json
 import re
 
 import cv2
+import numpy as np
 import pytest
 import yaml
-from conftest import (SCRIPTS, assert_one_sentence, assert_refused, camera_matrix, distorted_images_of, images_of,
-                      rendered, write_camera)
+from conftest import (CAMERA_HEIGHT, SCRIPTS, assert_one_sentence, assert_refused, camera_matrix, distorted_images_of,
+                      images_of, rendered, run, tool, write_camera)
 
 K1 = -0.05  # of the distorted images
 
@@ -94,3 +96,32 @@ def test_refuses(gsv_command, shortest, turns, tmp_path, status, text, arguments
     done, _, message = gsv_command("calibrate", *(shortest if word == "SHORTEST" else word for word in arguments))
     assert done == status, message
     assert_one_sentence(text, message)
+
+
+def test_smooth_estimates_the_lens_first(distorted, turns, tmp_path):
+    """scripts/evaluate --smooth, also with a mask: the files have the lens and the scales of the whole drive."""
+    start = write_camera(tmp_path / "start.yaml", turns, D=[-0.03, 0, 0, 0, 0])
+    mask = tmp_path / "mask.png"
+    cv2.imwrite(str(mask), np.full_like(images_of(turns)[0], 255))
+    drive = tmp_path / "turns"
+    drive.mkdir()
+    for file in [*distorted[0].iterdir(), turns / "poses.txt", turns / "ground.txt"]:
+        (drive / file.name).symlink_to(file)
+    words = [drive, "--camera", start, "--mask", mask, "--camera-height", CAMERA_HEIGHT]
+    run(SCRIPTS / "evaluate", *words, "--out", tmp_path / "evaluated", "--smooth")
+    run(tool("run_sequence"), *words, "--out", tmp_path / "causal")
+    smoothed = tmp_path / "evaluated/turns"
+    camera = yaml.safe_load((smoothed / "camera.yaml").read_text())
+    assert camera["distortion_coefficients"]["data"][0] == pytest.approx(K1, abs=0.012)
+    metrics, causal = (json.loads((folder / "metrics.json").read_text())
+                       for folder in (smoothed, tmp_path / "causal/turns"))
+    assert metrics["smoothed"] is True and causal["smoothed"] is False
+    assert metrics["first_metric_pose_m"] <= causal["first_metric_pose_m"]
+    assert metrics["t_err_short_percent"] < causal["t_err_short_percent"]
+    assert metrics["frames"] == causal["frames"]
+
+
+def test_smooth_keeps_a_calibration_that_the_drive_confirms(gsv_command, turns, tmp_path):
+    status, _, messages = gsv_command("run", turns, "--out", "out", "--camera-height", CAMERA_HEIGHT, "--smooth")
+    assert status == 0 and "turns, lens, run 2" in messages
+    assert not (tmp_path / "out/turns/camera.yaml").exists()

@@ -69,6 +69,19 @@ def test_documented_example_gives_the_poses_of_evaluate(gsv, short, evaluated, p
     assert all(np.array_equal(printed[i][:3], expected[i]) for i in metric)
 
 
+def test_smoothed_results(gsv, short, recorded, tmp_path):
+    """A pose from the first tracked frame on; the results before stay as they were."""
+    drive, (odometry, results) = gsv.open_drive(str(short)), recorded
+    before, smoothed = odometry.metrics(drive.ground_truth), odometry.smoothed()
+    after = smoothed.metrics(drive.ground_truth)
+    assert after["smoothed"] and not before["smoothed"]
+    assert after["first_metric_pose_m"] <= before["first_metric_pose_m"]
+    assert after["rle_percent"] < before["rle_percent"] + 0.1
+    assert odometry.metrics(drive.ground_truth) == before
+    smoothed.write(tmp_path, drive.ground_truth)
+    assert np.array_equal(smoothed.poses()[:, :3], poses_of(tmp_path / "poses.txt"))
+
+
 def test_files_and_metrics_are_the_same_as_of_evaluate(gsv, short, recorded, evaluated, tmp_path):
     drive, (odometry, results) = gsv.open_drive(str(short)), recorded
     truth = (drive.ground_truth, drive.ground_truth_heights)
@@ -170,6 +183,7 @@ def test_calibration_of_another_size(gsv):
     (TypeError, "stamp is of type float, it must be an integer [ns]", "process(image, 0.1)"),
     (ValueError, "stamp is 5, it must be greater", "process(image, 5), process(image, 5)"),
     (ValueError, "record is False", "odometry.poses()"),
+    (ValueError, "record is False", "odometry.smoothed()"),
     (ValueError, "ground_truth[0] is not a finite rigid transform",
      "recorded.metrics(np.array([[[1., 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [5, 0, 0, 1]]]))"),
     (ValueError, "/none: no such file or folder", "gsv.open_drive('/none')"),

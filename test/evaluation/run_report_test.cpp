@@ -76,6 +76,7 @@ TEST_F(RunReport, MetricsAreNullWithoutGroundTruth) {
                    {"lost_events", 0},
                    {"backfilled_frames", 5},
                    {"camera_height_m", 1.65},
+                   {"smoothed", false},
                    {"length_m", 12},
                    {"ms_vo_median", 40},
                    {"ms_vo_p95", 67},

@@ -1,9 +1,11 @@
 #pragma once
 
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "ground_scale_vo/calibration/lens_calibration.hpp"
 #include "ground_scale_vo/evaluation/run_record.hpp"
 #include "ground_scale_vo/io/drive_reader.hpp"
 #include "ground_scale_vo/lens/lens.hpp"
@@ -19,6 +21,10 @@ struct DriveRun {
     std::vector<std::string> settings;
     /// In the order of their stamps; not empty: sets use_speed. A speed is known from its stamp on.
     std::vector<SpeedSample> speeds;
+    /// Not causal: the record is that of RunRecord::smooth(). `lens` is used from the start, and
+    /// not refined any more.
+    bool smooth = false;
+    std::optional<LensEstimate> lens;  ///< instead of the drive's, see lensOfDrive()
   };
   using OnFrame = std::function<void(const RunFrame& frame)>;
 
@@ -38,6 +44,11 @@ struct DriveRun {
     return !failure.empty() || (is_strict && !warnings.empty());
   }
 };
+
+/// The lens that the whole drive shows, for DriveRun::Options; the drive's own where it confirms
+/// the calibration or does not determine the lens. images: of `drive`, read anew at each call.
+LensEstimate lensOfDrive(const RepeatableDrive& images, const DriveReader& drive,
+                         const DriveRun::Options& options);
 
 /// Runs MetricOdometry over the images. on_frame: is called after each one. Throws DataError, and
 /// OptionError: options or settings.

@@ -46,21 +46,30 @@ class RunRecord {
   /// An image that the odometry does not get: its frame holds the last pose.
   void appendUnused(std::int64_t stamp_ns);
 
+  /// Replaces scales and metric poses by those of MetricOdometry::smoothed().
+  void smooth(const std::vector<ScaleRecovery::Smoothed>& smoothed);
+
   const std::vector<RunFrame>& frames() const { return frames_; }
 
-  std::size_t trackedFrames() const;  ///< those with has_vo_pose
-  std::size_t lostEvents() const;     ///< changes of vo_status from kTracking to another
+  std::size_t trackedFrames() const;                ///< those with has_vo_pose
+  bool isSmoothed() const { return is_smoothed_; }  ///< smooth() was called
+  bool usedSpeeds() const;                          ///< for any frame's scale
+  std::size_t lostEvents() const;  ///< changes of vo_status from kTracking to another
   std::vector<Eigen::Isometry3d> metricPoses() const;
   /// In the VO units of each map, which differ: a later map continues from the last pose of the
   /// previous one without a jump. The last pose is held where there is none.
   std::vector<Eigen::Isometry3d> unscaledPoses() const;
 
  private:
-  void fillBackwards(double scale, const Eigen::Isometry3d& T_o_c);
+  void setMetric(std::size_t index, const ScaleEstimate& scale,
+                 const std::optional<MetricPose>& pose);
+  void holdMetric(std::size_t index);
+  void fillBackwards(std::size_t index);
 
   std::vector<RunFrame> frames_;
   std::vector<std::size_t> frame_of_;  ///< of each frame number of the odometry
   bool has_metric_pose_ = false;
+  bool is_smoothed_ = false;
 };
 
 /// MetricOdometry and the record of its run.
@@ -88,6 +97,8 @@ class OfflineRun {
     speeds_.assign(speeds.begin(), speeds.end());
   }
   void appendUnused(std::int64_t stamp_ns) { record_.appendUnused(stamp_ns); }
+  /// The record gets the smoothed poses; needs Options::scale.record.
+  void smooth() { record_.smooth(odometry_.smoothed()); }
 
   const LensEstimate& lens() const { return odometry_.lens(); }
   const RunRecord& record() const { return record_; }

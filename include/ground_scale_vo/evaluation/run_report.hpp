@@ -10,7 +10,8 @@
 namespace ground_scale_vo {
 
 /// The metrics of a run as one JSON object, null for missing values:
-///   frames, tracked_frames, lost_events, backfilled_frames, camera_height_m [m];
+///   frames, tracked_frames, lost_events, backfilled_frames, camera_height_m [m]; smoothed: whether
+///   scales and metric poses are those of RunRecord::smooth();
 ///   length_m [m] of the metric trajectory;
 ///   the other members of OdometryMetrics under their names, of the metric trajectory (but
 ///   t_err_sim3_percent of the unscaled one); null without ground truth;

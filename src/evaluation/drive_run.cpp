@@ -102,6 +102,7 @@ MetricOdometry::Options optionsOf(const DriveRun::Options& options, const DriveR
   if (!options.speeds.empty()) result.scale.use_speed = true;
   result.scale.record = options.smooth;
   result.validate();
+  if (options.smooth) result.scale.requireSmoothable();
   return result;
 }
 

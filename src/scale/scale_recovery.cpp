@@ -29,6 +29,11 @@ void ScaleRecoveryOptions::validate() const {
                  gpe.lane_half_width_heights, 1000);
 }
 
+void ScaleRecoveryOptions::requireSmoothable() const {
+  if (filter.moving_average_frames == 0) return;
+  throw OptionError("a moving average (filter/moving_average_frames) cannot be smoothed");
+}
+
 ScaleRecovery::Impl::Impl(const Options& o)
     : options(o),
       mounting(options.mounting),
@@ -282,7 +287,9 @@ void ScaleRecovery::addSpeed(const SpeedSample& speed) {
 }
 
 std::vector<ScaleRecovery::Smoothed> ScaleRecovery::smoothed() const {
-  return impl_->options.record ? impl_->smoother.smoothed(impl_->options) : std::vector<Smoothed>();
+  if (!impl_->options.record) return {};
+  impl_->options.requireSmoothable();
+  return impl_->smoother.smoothed(impl_->options);
 }
 
 ScaleRecovery::Output ScaleRecovery::process(const VoFrame& frame, const cv::Mat& image,

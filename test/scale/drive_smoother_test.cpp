@@ -8,6 +8,7 @@
 #include <random>
 #include <vector>
 
+#include "ground_scale_vo/common/error.hpp"
 #include "support/road_scene.hpp"
 
 namespace ground_scale_vo {
@@ -17,6 +18,13 @@ TEST(DriveSmoother, IsEmptyUnlessTheDriveIsRecorded) {
   ScaleRecovery recovery(recoveryOptions());
   recovery.process(RoadScene().frame(0));
   EXPECT_TRUE(recovery.smoothed().empty());
+}
+
+TEST(DriveSmoother, AMovingAverageIsRefused) {
+  ScaleRecovery::Options options = recoveryOptions();
+  options.record = true;
+  options.filter.moving_average_frames = 10;
+  EXPECT_THROW(ScaleRecovery(options).smoothed(), OptionError);
 }
 
 /// As the scale filter sees it: heights with a given error.

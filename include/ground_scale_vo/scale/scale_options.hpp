@@ -284,6 +284,8 @@ struct ScaleRecoveryOptions {
   }
   /// Throws OptionError.
   void validate() const;
+  /// Throws OptionError if ScaleRecovery::smoothed() is not possible.
+  void requireSmoothable() const;
 };
 
 }  // namespace ground_scale_vo

@@ -82,7 +82,8 @@ class ScaleRecovery {
   };
   /// Of all frames since the last new trajectory, in their order: with each scale from all
   /// measurements of its map, also later ones (a Rauch-Tung-Striebel smoother), so that also the
-  /// first metres of a map have one. Empty without Options::record.
+  /// first metres of a map have one. Empty without Options::record. Throws OptionError:
+  /// Options::requireSmoothable().
   std::vector<Smoothed> smoothed() const;
 
  private:

@@ -85,7 +85,7 @@ def draw_bar(axes, edges, states, colours, bottom):
                              label=f"{name}: {len(chosen)} frames")
 
 
-def draw_scale(file, scale, camera_height, title):
+def draw_scale(file, scale, camera_height, name, title):
     """The paper's Fig. 3, over time: the unfiltered camera height,
     converted to metres with the filtered scale (height * scale / raw_scale), the +-2 sigma
     band of the filter around the height, which is given or learned from speeds, and the distribution of
@@ -106,7 +106,7 @@ def draw_scale(file, scale, camera_height, title):
     relative = 2 * sigma / np.where(known, scale["scale"], np.nan)
     axes.plot(time[measured], heights, ".", color=RAW, markersize=3, label="unfiltered")
     axes.fill_between(time, height * (1 - relative), height * (1 + relative),
-                      color=ESTIMATE, alpha=0.25, linewidth=0, label=r"filtered, $\pm 2\sigma$")
+                      color=ESTIMATE, alpha=0.25, linewidth=0, label=rf"{name}, $\pm 2\sigma$")
     learned = (scale["camera_height_sigma"] > 0) & np.isin(scale["source"], ("speed", "both")).any()
     if learned.any():
         band = 2 * np.where(learned, scale["camera_height_sigma"], np.nan)
@@ -142,7 +142,7 @@ def draw_scale(file, scale, camera_height, title):
     axes = grid[1, 0]
     axes.plot(time[measured], scale["raw_scale"][measured], ".", color=RAW, markersize=3,
               label="unfiltered")
-    axes.plot(time, filtered, color=ESTIMATE, label="filtered")
+    axes.plot(time, filtered, color=ESTIMATE, label=name)
     axes.fill_between(time, filtered - 2 * sigma, filtered + 2 * sigma, color=ESTIMATE,
                       alpha=0.25, linewidth=0, label=r"$\pm 2\sigma$")
     for number, change in enumerate(np.flatnonzero(np.diff(scale["map_id"]))):
@@ -213,7 +213,8 @@ def draw(folder):
         title += (f"\ntranslation {metrics['t_err_percent']:.2f} %, "
                   f"rotation {metrics['r_err_deg_per_m']:.4f} deg/m")
     draw_trajectory(folder / "trajectory.png", estimate, ground_truth, title)
-    draw_scale(folder / "scale.png", read_table(folder / "scale.csv"), metrics["camera_height_m"], name)
+    draw_scale(folder / "scale.png", read_table(folder / "scale.csv"), metrics["camera_height_m"],
+               "smoothed" if metrics.get("smoothed") else "filtered", name)
     if (folder / "timing.csv").exists():
         draw_timing(folder / "timing.png", read_table(folder / "timing.csv"), name)
 

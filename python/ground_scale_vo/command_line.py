@@ -168,7 +168,7 @@ def calibrate_height(arguments):
     if not arguments.end > arguments.start:
         raise ValueError("--to must be greater than --from")
     drive = str(arguments.input)
-    calibration.estimate_height(opener(drive, arguments)(), _core.result_name(drive), arguments,
+    calibration.estimate_height(opener(drive, arguments), _core.result_name(drive), arguments,
                                 lambda: bags.fixes(drive, arguments.gps))
     return 0
 

@@ -145,7 +145,7 @@ TEST_P(SequencePipeline, MeetsItsThresholds) {
   const std::filesystem::path folder = dataPath(GetParam().name);
   if (folder.empty()) GTEST_SKIP() << "GROUND_SCALE_VO_DATA has no " << GetParam().name;
   const KittiSequence sequence(folder);
-  OfflineRun offline(sequence.camera(), optionsFor(1.65));
+  OfflineRun offline(sequence.camera(), withExactHeight(1.65));
   for (std::size_t i = 0; i < sequence.size(); ++i) {
     offline.process(sequence.image(i), sequence.stampNs(i));
   }

@@ -9,10 +9,15 @@
 
 namespace ground_scale_vo {
 
-/// Default options except for the camera height [m], which is exact.
+/// Default options except for the camera height [m].
 inline OfflineRun::Options optionsFor(double camera_height) {
   OfflineRun::Options options;
   options.scale.camera_height = camera_height;
+  return options;
+}
+/// The same with an exact height: standard deviations without its share.
+inline OfflineRun::Options withExactHeight(double camera_height) {
+  OfflineRun::Options options = optionsFor(camera_height);
   options.scale.camera_height_sigma = 0;
   return options;
 }

@@ -168,8 +168,9 @@ SelfCalibratingOdometry::Output SelfCalibratingOdometry::process(const cv::Mat& 
   // At the same time: the latency does not grow.
   std::future<Output> of_next;
   if (s.next) {
-    of_next = std::async(std::launch::async,
-                         [&next = *s.next, &image, stamp_ns] { return next.process(image, stamp_ns); });
+    of_next = std::async(std::launch::async, [&next = *s.next, &image, stamp_ns] {
+      return next.process(image, stamp_ns);
+    });
   }
   Output output = s.current->process(image, stamp_ns);
   if (!s.options.refine_camera) return output;

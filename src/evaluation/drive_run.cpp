@@ -131,10 +131,12 @@ std::string DriveRun::summary() const {
 
 LensEstimate lensOfDrive(const RepeatableDrive& images, const DriveReader& drive,
                          const DriveRun::Options& options) {
-  constexpr int kRuns = 2;  // the first one with the calibration, the second one with its result
+  constexpr int kRuns = 3;            // the first one has the tracks of the calibration
+  constexpr int kTracksPerCell = 10;  // more take longer and gain nothing
   LensCalibration::Options calibration;
   calibration.vo = optionsOf(options, drive).odometry.vo;
   calibration.max_runs = kRuns;
+  calibration.estimator.tracks_per_cell = kTracksPerCell;
   const RepeatableDrive same_images = [&images](const ImageVisitor& visit) { images(visit); };
   const LensCalibration::Result result =
       LensCalibration(calibration).calibrate({same_images}, lensOf(drive.camera()), drive.mask());

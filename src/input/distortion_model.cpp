@@ -46,8 +46,7 @@ Eigen::Vector2d distortBrown(const Eigen::Vector2d& x, const Coefficients& given
   const double denominator = 1 + r2 * (d[5] + r2 * (d[6] + r2 * d[7]));
   const double radial = numerator / denominator;
   const Eigen::Vector2d p(d[3], d[2]), s_2(d[8], d[10]), s_4(d[9], d[11]);
-  const Eigen::Vector2d result =
-      radial * x + p * r2 + 2 * x.dot(p) * x + r2 * s_2 + r2 * r2 * s_4;
+  const Eigen::Vector2d result = radial * x + p * r2 + 2 * x.dot(p) * x + r2 * s_2 + r2 * r2 * s_4;
   if (jacobian) {  // by x and, twice, by r2
     const double slope = (d[0] + r2 * (2 * d[1] + r2 * 3 * d[4]) -
                           radial * (d[5] + r2 * (2 * d[6] + r2 * 3 * d[7]))) /
@@ -66,8 +65,7 @@ Eigen::Vector2d distortFisheye(const Eigen::Vector2d& x, const Coefficients& k,
                                Eigen::Matrix2d* jacobian) {
   constexpr double kCentre = 1e-8;
   const double r = x.norm(), theta = std::atan(r), t2 = theta * theta;
-  const double distorted =
-      theta * (1 + t2 * (k[0] + t2 * (k[1] + t2 * (k[2] + t2 * k[3]))));
+  const double distorted = theta * (1 + t2 * (k[0] + t2 * (k[1] + t2 * (k[2] + t2 * k[3]))));
   const double factor = r > kCentre ? distorted / r : 1;
   if (jacobian) {
     *jacobian = factor * Eigen::Matrix2d::Identity();

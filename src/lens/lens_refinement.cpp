@@ -13,7 +13,8 @@ constexpr double kFirstTurn = 0.5, kTurnGrowth = 2;
 constexpr std::size_t kMinEstimateKeyframes = 25, kMaxEstimateKeyframes = 800;  // of an estimate
 /// Least squared Mahalanobis distance of an estimate from the lens in use.
 constexpr double kMinLensSignificance = 25;
-/// Estimates from different drives of a camera differ by up to so many of their standard deviations.
+/// Estimates from different drives of a camera differ by up to so many of their standard
+/// deviations.
 constexpr double kEstimatesDiffer = 2;
 constexpr int kDelayFrames = 20;  // from the start of an estimate to its use
 

@@ -41,7 +41,7 @@ TEST(DistortionModel, DistortsAndUndistorts) {
 
 // All coefficients, as OpenCV has them; with the derivative.
 TEST(DistortionModel, DistortsAsOpenCv) {
-  const DistortionModel::Coefficients all{0.2, -0.1, 1e-3, 2e-3, 0.05, 0.1,  -0.03,
+  const DistortionModel::Coefficients all{0.2,  -0.1, 1e-3,  2e-3, 0.05, 0.1,  -0.03,
                                           0.02, 3e-3, -2e-3, 1e-3, 4e-3, 0.03, -0.02};
   const Eigen::Vector2d x(0.6, -0.8);
   for (const DistortionModel& model : distortionModels()) {

@@ -162,12 +162,12 @@ class LensOfModel : public TemporaryFolder,
                     public testing::WithParamInterface<CameraCalibration> {};
 INSTANTIATE_TEST_SUITE_P(
     All, LensOfModel,
-    testing::Values(calibrationWith("", {}), calibrationWith("plumb_bob", {-0.28, 0.07, 1e-3, -2e-4}),
-                    calibrationWith("rational_polynomial",
-                                    {0.4, 0.2, 1e-4, -2e-4, 0.05, 0.7, 0.3, 0.09}),
-                    calibrationWith("rational_polynomial", {0.4, 0.2, 1e-4, -2e-4, 0.05, 0.7, 0.3,
-                                                            0.09, 1e-3, -1e-3, 2e-3, 0, 0.01, 0.02}),
-                    calibrationWith("equidistant", {-0.02, 0.015, -0.012, 0.002})));
+    testing::Values(
+        calibrationWith("", {}), calibrationWith("plumb_bob", {-0.28, 0.07, 1e-3, -2e-4}),
+        calibrationWith("rational_polynomial", {0.4, 0.2, 1e-4, -2e-4, 0.05, 0.7, 0.3, 0.09}),
+        calibrationWith("rational_polynomial", {0.4, 0.2, 1e-4, -2e-4, 0.05, 0.7, 0.3, 0.09, 1e-3,
+                                                -1e-3, 2e-3, 0, 0.01, 0.02}),
+        calibrationWith("equidistant", {-0.02, 0.015, -0.012, 0.002})));
 
 // What the calibration has left can be saved in its own model.
 TEST_P(LensOfModel, IsSavedInItsOwnModel) {

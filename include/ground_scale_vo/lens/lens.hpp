@@ -12,8 +12,8 @@ namespace ground_scale_vo {
 /// x is then the result of the model.
 struct Lens {
   PinholeCamera camera;
-  double k1 = 0, k2 = 0, k3 = 0;  ///< radial
-  double p1 = 0, p2 = 0;          ///< tangential
+  double k1 = 0, k2 = 0, k3 = 0;           ///< radial
+  double p1 = 0, p2 = 0;                   ///< tangential
   const DistortionModel* model = nullptr;  ///< null: plumb_bob alone
   std::vector<double> coefficients = {};   ///< of the model
 

@@ -37,10 +37,10 @@ int main(int argc, char** argv) try {
     throw std::invalid_argument(folder + "/calib.txt: no projection matrix");
   }
 
-  ground_scale_vo::MetricOdometry::Options options;
+  gsv::MetricOdometry::Options options;
   options.scale.camera_height = height;
-  const ground_scale_vo::PinholeCamera camera{size.width, size.height, fx, fy, cx, cy};
-  ground_scale_vo::MetricOdometry odometry(camera, options);
+  const gsv::PinholeCamera camera{size.width, size.height, fx, fy, cx, cy};
+  gsv::MetricOdometry odometry(camera, options);
   for (const std::string& file : files) {
     double stamp = 0;
     if (!(times >> stamp)) throw std::invalid_argument(folder + "/times.txt: no stamp for " + file);

@@ -13,7 +13,6 @@
 #include "ground_scale_vo/scale/scale_recovery.hpp"
 
 int main(int argc, char** argv) try {
-  namespace gsv = ground_scale_vo;
   gsv::ScaleRecovery::Options options;
   if (argc != 2) throw std::invalid_argument("usage: scale_of_another_vo HEIGHT < FRAMES");
   options.camera_height = std::stod(argv[1]);

@@ -15,7 +15,6 @@
 
 #include "ground_scale_vo/input/camera.hpp"
 
-namespace gsv = ground_scale_vo;
 namespace py = pybind11;
 
 using Poses = std::vector<Eigen::Isometry3d>;

@@ -6,7 +6,7 @@
 #include "simulation/world/motion.hpp"
 #include "simulation/world/road_geometry.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 using simulation::kMaxDriveLength;
 
@@ -81,4 +81,4 @@ void SyntheticDrive::Options::validate() const {
   }
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -2,7 +2,7 @@
 
 #include "simulation/scenario_entry.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 using Options = SyntheticDrive::Options;
@@ -69,4 +69,4 @@ std::vector<Scenario> faultScenarios() {
   return drives;
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

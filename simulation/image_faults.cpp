@@ -7,7 +7,7 @@
 #include "simulation/renderer/random.hpp"
 #include "simulation/renderer/texture.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 using simulation::Random;
@@ -123,4 +123,4 @@ cv::Mat withFault(FaultKind kind, const cv::Mat& image, std::size_t k, std::uint
   return image;
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

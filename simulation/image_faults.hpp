@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <opencv2/core.hpp>
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// Frames first to last of a drive; last < first: none.
 struct FrameRange {
@@ -36,4 +36,4 @@ struct ImageFault {
 /// before it; with kBlack and kWhite only its size is used. Deterministic.
 cv::Mat withFault(FaultKind kind, const cv::Mat& image, std::size_t k, std::uint64_t seed);
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -8,7 +8,7 @@
 
 #include "simulation/scenarios.hpp"
 
-namespace ground_scale_vo::simulation {
+namespace gsv::simulation {
 
 /// An entry of the catalogue: a drive without a stop, with the options that `configure` changes.
 class Entry {
@@ -70,4 +70,4 @@ inline void setCamera(SyntheticDrive::Options& o, int width, int height, double 
 /// KITTI's field of view at 480x150: a third of the pixels of the default camera.
 inline void setSmallCamera(SyntheticDrive::Options& o) { setCamera(o, 480, 150, 278); }
 
-}  // namespace ground_scale_vo::simulation
+}  // namespace gsv::simulation

@@ -10,7 +10,7 @@
 #include "ground_scale_vo/evaluation/metrics.hpp"
 #include "ground_scale_vo/evaluation/run_record.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 /// Angle of the error of the rotation from the first to the last frame [deg].
@@ -165,4 +165,4 @@ ScenarioMetrics evaluateScenario(const Scenario& scenario, const SyntheticDrive&
   return metrics;
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

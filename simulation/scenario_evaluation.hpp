@@ -9,7 +9,7 @@
 #include "simulation/scenarios.hpp"
 #include "simulation/synthetic_drive.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// Accuracy of a run over a scenario, against exact ground truth.
 struct ScenarioMetrics {
@@ -69,4 +69,4 @@ ScenarioMetrics evaluateScenario(const Scenario& scenario, const SyntheticDrive&
 /// recovery" or "error after the fault". Empty: none.
 std::string violatedThreshold(const ScenarioMetrics& metrics, const ScenarioThresholds& thresholds);
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

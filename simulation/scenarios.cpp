@@ -8,7 +8,7 @@
 #include "ground_scale_vo/common/math.hpp"
 #include "simulation/scenario_entry.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 using Options = SyntheticDrive::Options;
@@ -380,4 +380,4 @@ Scenario findScenario(const std::string& name) {
   throw OptionError("unknown scenario '" + name + "', available: " + names);
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -7,7 +7,7 @@
 #include "simulation/image_faults.hpp"
 #include "simulation/synthetic_drive.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 // A setting is a string "option=value", see setOption().
 
@@ -67,4 +67,4 @@ std::vector<Scenario> faultScenarios();
 /// A scenario of either list. Throws OptionError, which lists the names, if there is none.
 Scenario findScenario(const std::string& name);
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -4,7 +4,7 @@
 
 #include "common/time.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 constexpr std::int64_t kSpeedInterval = 100000000;  ///< [ns]
@@ -44,4 +44,4 @@ std::vector<SpeedSample> simulateSpeeds(const SyntheticDrive& drive, SpeedFault 
   return speeds;
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -8,7 +8,7 @@
 #include "ground_scale_vo/scale/speed.hpp"
 #include "simulation/synthetic_drive.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// From the middle of the drive on: 30 % high for 2 s; the same value; zero; a gap of 2 s. In the
 /// whole drive: the other sign; stamps 0.2 s late; km/h.
@@ -24,4 +24,4 @@ inline const std::vector<std::pair<std::string, SpeedFault>> kSpeedFaults = {
 std::vector<SpeedSample> simulateSpeeds(const SyntheticDrive& drive,
                                         SpeedFault fault = SpeedFault::kNone);
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -17,7 +17,7 @@
 #include "simulation/world/vehicles.hpp"
 #include "simulation/world/world.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 using simulation::RecordedPath;
@@ -237,4 +237,4 @@ std::vector<double> groundTruthHeights(const SyntheticDrive& drive) {
   return heights;
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

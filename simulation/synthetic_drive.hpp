@@ -10,7 +10,7 @@
 #include "ground_scale_vo/input/camera.hpp"
 #include "simulation/image_faults.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// A rendered drive along a textured street with kerbs, facades, trees, parked and moving cars,
 /// curves, a slope, a stop and a suspension. Camera poses and ground planes are exact. The options
@@ -160,4 +160,4 @@ std::vector<Eigen::Isometry3d> groundTruth(const SyntheticDrive& drive);
 /// Height of the camera above the road in every frame [m].
 std::vector<double> groundTruthHeights(const SyntheticDrive& drive);
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -1,6 +1,6 @@
 #include "ground_scale_vo/metric_odometry.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 void MetricOdometry::Options::validate() const {
   requireInRanges(odometry);
@@ -23,4 +23,4 @@ MetricOdometry::Output MetricOdometry::process(const cv::Mat& image, std::int64_
   return output;
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -8,7 +8,7 @@
 #include <optional>
 #include <utility>
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 /// [frames] that the second odometry tracks before it replaces the first, and after which it is
@@ -191,4 +191,4 @@ SelfCalibratingOdometry::Output SelfCalibratingOdometry::process(const cv::Mat& 
 
 const LensEstimate& SelfCalibratingOdometry::lens() const { return impl_->current->lens(); }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -8,7 +8,7 @@
 #include "ground_scale_vo/scale/scale_recovery.hpp"
 #include "ground_scale_vo/self_calibrating_odometry.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// The whole pipeline without ROS: images in, metric poses out. It runs the two stages of
 /// the nodelets one after the other for every image.
@@ -74,4 +74,4 @@ class MetricOdometry {
   ScaleRecovery scale_;
 };
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -8,7 +8,7 @@
 #include "ground_scale_vo/lens/lens_refinement.hpp"
 #include "ground_scale_vo/vo/visual_odometry.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// VisualOdometry on images as they come: removes their distortion, and refines the lens while
 /// driving.
@@ -62,4 +62,4 @@ class SelfCalibratingOdometry {
   std::unique_ptr<Impl> impl_;
 };
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

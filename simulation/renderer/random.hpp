@@ -2,7 +2,7 @@
 
 #include <cstdint>
 
-namespace ground_scale_vo::simulation {
+namespace gsv::simulation {
 
 /// SplitMix64. A seed gives the same sequence on every platform; standard-library distributions do
 /// not guarantee this.
@@ -28,4 +28,4 @@ class Random {
   std::uint64_t state_;
 };
 
-}  // namespace ground_scale_vo::simulation
+}  // namespace gsv::simulation

@@ -7,7 +7,7 @@
 #include "common/vector_loop.hpp"
 #include "simulation/renderer/scene.hpp"
 
-namespace ground_scale_vo::simulation {
+namespace gsv::simulation {
 namespace {
 
 constexpr int kSamplesPerSide = 2;     // visibility samples per pixel, in x and in y
@@ -356,4 +356,4 @@ cv::Mat render(const Scene& scene, const PinholeCamera& camera, const Eigen::Iso
   return Rasteriser(scene, camera, T_w_c, &reflection).shade();
 }
 
-}  // namespace ground_scale_vo::simulation
+}  // namespace gsv::simulation

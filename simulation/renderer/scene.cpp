@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-namespace ground_scale_vo::simulation {
+namespace gsv::simulation {
 
 void Mesh::addTriangle(const Vertex& a, const Vertex& b, const Vertex& c, const Texture& texture) {
   const int n = static_cast<int>(vertices.size());
@@ -30,4 +30,4 @@ double diffuseLight(const Eigen::Vector3d& normal, const Eigen::Vector3d& sun) {
   return kSky + kSun * std::max(0.0, normal.dot(sun));
 }
 
-}  // namespace ground_scale_vo::simulation
+}  // namespace gsv::simulation

@@ -8,7 +8,7 @@
 #include "ground_scale_vo/input/camera.hpp"
 #include "simulation/renderer/texture.hpp"
 
-namespace ground_scale_vo::simulation {
+namespace gsv::simulation {
 
 struct Vertex {
   Eigen::Vector3d p;   ///< in the frame of the mesh [m]
@@ -87,4 +87,4 @@ constexpr double kSkyTop = 0.68;  ///< elevation of the upper edge of the panora
 /// filtered over the pixel.
 cv::Mat render(const Scene& scene, const PinholeCamera& camera, const Eigen::Isometry3d& T_w_c);
 
-}  // namespace ground_scale_vo::simulation
+}  // namespace gsv::simulation

@@ -7,7 +7,7 @@
 
 #include "common/vector_loop.hpp"
 
-namespace ground_scale_vo::simulation {
+namespace gsv::simulation {
 namespace {
 
 // For coordinates in OpenCV's drawing functions.
@@ -144,4 +144,4 @@ void TexturePainter::ellipse(const Eigen::Vector2d& centre, const Eigen::Vector2
               cv::FILLED, cv::LINE_AA, kFractionalBits);
 }
 
-}  // namespace ground_scale_vo::simulation
+}  // namespace gsv::simulation

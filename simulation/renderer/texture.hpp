@@ -7,7 +7,7 @@
 #include <utility>
 #include <vector>
 
-namespace ground_scale_vo::simulation {
+namespace gsv::simulation {
 
 /// A grey texture with its mip levels. Texture coordinates (u, v) are in metres from the upper left
 /// corner.
@@ -67,4 +67,4 @@ class TexturePainter {
   double texel_m_;
 };
 
-}  // namespace ground_scale_vo::simulation
+}  // namespace gsv::simulation

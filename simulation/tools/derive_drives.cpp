@@ -19,7 +19,6 @@
 #include "simulation/tools/kitti_folder.hpp"
 #include "tools/support/command_line.hpp"
 
-namespace gsv = ground_scale_vo;
 namespace fs = std::filesystem;
 
 namespace {

@@ -4,7 +4,7 @@
 
 #include "ground_scale_vo/lens/lens.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// Turns images of a camera without distortion into those that a camera with another lens takes at
 /// the same place.
@@ -31,4 +31,4 @@ class Distortion {
   cv::Mat map_;  ///< pixel of the given image for each pixel of the resulting one
 };
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -23,8 +23,6 @@
 #include "tools/support/command_line.hpp"
 #include "tools/support/parallel_for.hpp"
 
-namespace gsv = ground_scale_vo;
-
 namespace {
 
 using Json = nlohmann::ordered_json;

@@ -16,7 +16,7 @@
 #include "ground_scale_vo/io/trajectory_io.hpp"
 #include "tools/support/complete_output.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// The tables of a KITTI odometry folder, and ground.txt. Empty vectors: unknown, no file.
 struct KittiTables {
@@ -72,4 +72,4 @@ void writeKittiFolder(const std::filesystem::path& folder, const Write& write) {
                   });
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -22,7 +22,6 @@
 #include "tools/support/command_line.hpp"
 #include "tools/support/parallel_for.hpp"
 
-namespace gsv = ground_scale_vo;
 namespace fs = std::filesystem;
 namespace po = boost::program_options;
 

@@ -5,7 +5,7 @@
 
 #include "simulation/world/world_builder.hpp"
 
-namespace ground_scale_vo::simulation {
+namespace gsv::simulation {
 namespace {
 
 constexpr double kFacadeTexel = 0.025;  // [m]
@@ -281,4 +281,4 @@ void addUnderpass(WorldBuilder& builder) {
   builder.shadows.setLight(begin, end, kLight);
 }
 
-}  // namespace ground_scale_vo::simulation
+}  // namespace gsv::simulation

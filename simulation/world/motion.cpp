@@ -4,7 +4,7 @@
 #include <cmath>
 #include <utility>
 
-namespace ground_scale_vo::simulation {
+namespace gsv::simulation {
 namespace {
 
 constexpr double kMaxAcceleration = 3;  // braking and starting [m/s^2]
@@ -114,4 +114,4 @@ VehiclePose vehiclePose(const RoadGeometry& road, const LongitudinalState& state
   return pose;
 }
 
-}  // namespace ground_scale_vo::simulation
+}  // namespace gsv::simulation

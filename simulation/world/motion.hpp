@@ -8,7 +8,7 @@
 #include "simulation/world/recorded_path.hpp"
 #include "simulation/world/road_geometry.hpp"
 
-namespace ground_scale_vo::simulation {
+namespace gsv::simulation {
 
 /// The position of the car over time: that of the recorded path, or of the speeds, or of cruise and
 /// stop. Between two speeds it changes along a cosine.
@@ -40,4 +40,4 @@ struct VehiclePose {
 VehiclePose vehiclePose(const RoadGeometry& road, const LongitudinalState& state,
                         const SyntheticDrive::Options& options);
 
-}  // namespace ground_scale_vo::simulation
+}  // namespace gsv::simulation

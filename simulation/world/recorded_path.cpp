@@ -8,7 +8,7 @@
 
 #include "ground_scale_vo/common/error.hpp"
 
-namespace ground_scale_vo::simulation {
+namespace gsv::simulation {
 namespace {
 
 constexpr double kHeadingSigma = 1.5;    // of the smoothing of the heading [m]
@@ -169,4 +169,4 @@ RecordedPath::RecordedPath(const std::vector<Eigen::Vector3d>& positions, double
   }
 }
 
-}  // namespace ground_scale_vo::simulation
+}  // namespace gsv::simulation

@@ -3,7 +3,7 @@
 #include <Eigen/Core>
 #include <vector>
 
-namespace ground_scale_vo::simulation {
+namespace gsv::simulation {
 
 /// Position along the road and its derivatives [m, m/s, m/s^2].
 struct LongitudinalState {
@@ -63,4 +63,4 @@ class RecordedPath {
   double length_ = 0, top_speed_ = 0;
 };
 
-}  // namespace ground_scale_vo::simulation
+}  // namespace gsv::simulation

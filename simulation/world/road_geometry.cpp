@@ -5,7 +5,7 @@
 #include <limits>
 #include <utility>
 
-namespace ground_scale_vo::simulation {
+namespace gsv::simulation {
 namespace {
 
 constexpr double kNodeSpacing = 0.5;   // [m]
@@ -165,4 +165,4 @@ Eigen::Isometry3d RoadGeometry::surfaceFrame(double s, double u) const {
   return T_w_s;
 }
 
-}  // namespace ground_scale_vo::simulation
+}  // namespace gsv::simulation

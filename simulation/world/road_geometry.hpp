@@ -8,7 +8,7 @@
 #include "simulation/synthetic_drive.hpp"
 #include "simulation/world/recorded_path.hpp"
 
-namespace ground_scale_vo::simulation {
+namespace gsv::simulation {
 
 /// Speed bumps along the road: length, begin of the first one, distance from one begin to the next
 /// [m].
@@ -91,4 +91,4 @@ class RoadGeometry {
   std::vector<Eigen::Vector2d> nodes_;  // of the lane in the plan, every kNodeSpacing
 };
 
-}  // namespace ground_scale_vo::simulation
+}  // namespace gsv::simulation

@@ -5,7 +5,7 @@
 
 #include "simulation/world/world_builder.hpp"
 
-namespace ground_scale_vo::simulation {
+namespace gsv::simulation {
 namespace {
 
 constexpr double kMeshStep = 0.5;     // of the mesh along s [m]
@@ -174,4 +174,4 @@ void addRoadMesh(WorldBuilder& builder) {
   addTerrain(builder);
 }
 
-}  // namespace ground_scale_vo::simulation
+}  // namespace gsv::simulation

@@ -5,7 +5,7 @@
 
 #include "simulation/world/world_builder.hpp"
 
-namespace ground_scale_vo::simulation {
+namespace gsv::simulation {
 namespace {
 
 // Patterns of the carriageway: factors on its albedo, 8-bit with kNeutral for a factor of 1, as
@@ -302,4 +302,4 @@ class RoadTexturePainter {
 
 void addRoadTexture(WorldBuilder& builder) { RoadTexturePainter(builder).paint(); }
 
-}  // namespace ground_scale_vo::simulation
+}  // namespace gsv::simulation

@@ -7,7 +7,7 @@
 #include "simulation/renderer/texture.hpp"
 #include "simulation/world/vehicles.hpp"
 
-namespace ground_scale_vo::simulation {
+namespace gsv::simulation {
 namespace {
 
 constexpr double kLeftLane = 3.55;      // u of the middle of the left lane [m]
@@ -144,4 +144,4 @@ std::vector<Eigen::Vector3d> egoShadow(const SyntheticDrive::Options& options,
   return edges(hull);
 }
 
-}  // namespace ground_scale_vo::simulation
+}  // namespace gsv::simulation

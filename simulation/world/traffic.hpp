@@ -10,7 +10,7 @@
 #include "simulation/world/motion.hpp"
 #include "simulation/world/world.hpp"
 
-namespace ground_scale_vo::simulation {
+namespace gsv::simulation {
 
 /// Moving vehicles other than the ego vehicle, as far as the options enable them: one ahead in the
 /// lane with either oncoming cars or cars at the same speed in the left lane, and a lorry that cuts
@@ -46,4 +46,4 @@ class Traffic {
 std::vector<Eigen::Vector3d> egoShadow(const SyntheticDrive::Options& options,
                                        const RoadGeometry& road, double s);
 
-}  // namespace ground_scale_vo::simulation
+}  // namespace gsv::simulation

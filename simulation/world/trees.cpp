@@ -6,7 +6,7 @@
 
 #include "simulation/world/world_builder.hpp"
 
-namespace ground_scale_vo::simulation {
+namespace gsv::simulation {
 namespace {
 
 constexpr int kTreeKinds = 6, kLeavesInShadow = 150;
@@ -117,4 +117,4 @@ void addTreesAndLampPosts(WorldBuilder& builder) {
   }
 }
 
-}  // namespace ground_scale_vo::simulation
+}  // namespace gsv::simulation

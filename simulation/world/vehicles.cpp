@@ -5,7 +5,7 @@
 
 #include "simulation/renderer/texture.hpp"
 
-namespace ground_scale_vo::simulation {
+namespace gsv::simulation {
 
 namespace {
 
@@ -224,4 +224,4 @@ Mesh hoodMesh(const Texture& texture, const PinholeCamera& camera, double image_
   return mesh;
 }
 
-}  // namespace ground_scale_vo::simulation
+}  // namespace gsv::simulation

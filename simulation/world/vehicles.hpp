@@ -7,7 +7,7 @@
 #include "ground_scale_vo/input/camera.hpp"
 #include "simulation/renderer/scene.hpp"
 
-namespace ground_scale_vo::simulation {
+namespace gsv::simulation {
 
 constexpr double kCarLength = 4.2, kCarWidth = 1.7;                    // [m]
 constexpr double kVanLength = 5.6, kVanWidth = 2.1, kVanHeight = 2.5;  // [m]
@@ -35,4 +35,4 @@ cv::Mat hoodTextureImage(std::uint64_t seed);
 /// at both sides.
 Mesh hoodMesh(const Texture& texture, const PinholeCamera& camera, double image_height_fraction);
 
-}  // namespace ground_scale_vo::simulation
+}  // namespace gsv::simulation

@@ -6,7 +6,7 @@
 #include "simulation/world/vehicles.hpp"
 #include "simulation/world/world_builder.hpp"
 
-namespace ground_scale_vo::simulation {
+namespace gsv::simulation {
 namespace {
 
 /// A panorama: clouds above wooded hills on the horizon.
@@ -98,4 +98,4 @@ World::World(const RoadGeometry& road, const SyntheticDrive::Options& options) {
   addRoadMesh(builder);
 }
 
-}  // namespace ground_scale_vo::simulation
+}  // namespace gsv::simulation

@@ -8,7 +8,7 @@
 #include "simulation/synthetic_drive.hpp"
 #include "simulation/world/road_geometry.hpp"
 
-namespace ground_scale_vo::simulation {
+namespace gsv::simulation {
 
 /// The static street, and the meshes of vehicles. A seed gives the same world on every platform.
 struct World {
@@ -26,4 +26,4 @@ struct World {
   Mesh van;
 };
 
-}  // namespace ground_scale_vo::simulation
+}  // namespace gsv::simulation

@@ -3,7 +3,7 @@
 #include <opencv2/imgproc.hpp>
 #include <utility>
 
-namespace ground_scale_vo::simulation {
+namespace gsv::simulation {
 namespace {
 
 constexpr int kRoadTexelsPerShadowTexel = 8;  // in each direction
@@ -123,4 +123,4 @@ bool WorldBuilder::isClearOfBridgeAndUnderpass(double s) const {
   return !options.bridge.contains(s, kClearance) && !options.underpass.contains(s, kClearance);
 }
 
-}  // namespace ground_scale_vo::simulation
+}  // namespace gsv::simulation

@@ -12,7 +12,7 @@
 #include "simulation/world/road_geometry.hpp"
 #include "simulation/world/world.hpp"
 
-namespace ground_scale_vo::simulation {
+namespace gsv::simulation {
 
 /// Shadows of static objects on the road, at an eighth of the resolution of the road texture.
 class ShadowMap {
@@ -92,4 +92,4 @@ void addRoadTexture(WorldBuilder& builder);
 /// The road with kerbs and pavements, or a gravel track, and the terrain around it.
 void addRoadMesh(WorldBuilder& builder);
 
-}  // namespace ground_scale_vo::simulation
+}  // namespace gsv::simulation

@@ -7,7 +7,7 @@
 #include "common/text.hpp"
 #include "ground_scale_vo/common/error.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 /// Prior of a start from a field of view.
@@ -142,4 +142,4 @@ cv::Mat drawResiduals(const LensEstimator::Result& drive, const PinholeCamera& c
   return canvas;
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -11,7 +11,7 @@
 #include "common/text.hpp"
 #include "ground_scale_vo/common/error.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace fs = std::filesystem;
 namespace {
 
@@ -141,4 +141,4 @@ void TextFile::fail(std::size_t i, const std::string& what) const {
   throw DataError(file_.string() + ", line " + std::to_string(i + 1) + ": " + what);
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

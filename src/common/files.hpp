@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// True if the path exists, possibly as a dangling link.
 bool isThere(const std::filesystem::path& path);
@@ -59,4 +59,4 @@ class TextFile {
   std::vector<std::string> lines_;
 };
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

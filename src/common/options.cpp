@@ -6,7 +6,7 @@
 
 #include "common/text.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 void collectAssignments(const YAML::Node& node, const std::string& name,
@@ -60,4 +60,4 @@ void failAsUnknownOption(const std::string& name, const std::vector<std::string>
                     (nearest.empty() ? "" : "; did you mean " + nearest + "?"));
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <cstring>
 
-namespace ground_scale_vo {
+namespace gsv {
 
 // Vectors of numbers anywhere in memory (SIMD), for use in functions marked GSV_VECTOR_LOOP. Vector
 // types of the compiler, because it does not vectorise the equivalent loops reliably. Functions
@@ -48,4 +48,4 @@ constexpr std::size_t padded(std::size_t count, std::size_t unit) {
   return (count + unit - 1) / unit * unit;
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

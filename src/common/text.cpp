@@ -7,7 +7,7 @@
 #include <numeric>
 #include <sstream>
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 /// Levenshtein distance: least number of characters to insert, remove or replace.
@@ -57,4 +57,4 @@ std::string nearestName(const std::string& name, const std::vector<std::string>&
   return nearest;
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

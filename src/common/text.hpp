@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// As printf, cut off after 255 characters.
 template <typename... Values>
@@ -30,4 +30,4 @@ std::optional<Number> parseNumber(const std::string& text);  // double, long dou
 /// name's length.
 std::string nearestName(const std::string& name, const std::vector<std::string>& candidates);
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -10,7 +10,7 @@
 
 #include "common/text.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// The latest stamp that ROS can represent, in the year 2106 [s].
 constexpr double kLatestStamp = 4294967295;
@@ -67,4 +67,4 @@ class ScopedTimer {
   const Stopwatch watch_;
 };
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

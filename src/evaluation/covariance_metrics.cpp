@@ -5,7 +5,7 @@
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/evaluation/metrics.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 constexpr double kSegmentLengths[] = {10, 50, 100};  // [m]
@@ -131,4 +131,4 @@ CovarianceMetrics computeCovarianceMetrics(const RunRecord& record,
   return metrics;
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

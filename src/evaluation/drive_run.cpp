@@ -14,7 +14,7 @@
 #include "ground_scale_vo/evaluation/run_report.hpp"
 #include "ground_scale_vo/input/camera_file.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace fs = std::filesystem;
 namespace {
 
@@ -208,4 +208,4 @@ void writeRun(const fs::path& folder, const DriveRun& run, double camera_height,
             cameraYaml(calibrationOf(run.lens.lens), "Estimated from the drive."));
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

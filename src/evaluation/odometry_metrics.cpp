@@ -9,7 +9,7 @@
 #include "ground_scale_vo/evaluation/metrics.hpp"
 #include "ground_scale_vo/io/trajectory_io.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 using Poses = std::vector<Eigen::Isometry3d>;
@@ -143,4 +143,4 @@ double quantile(std::vector<double> values, double q) {
   return values[below] + (position - static_cast<double>(below)) * (values[above] - values[below]);
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -7,7 +7,7 @@
 
 #include "common/text.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 // Shortest time between two updates, on a terminal and in a log.
@@ -55,4 +55,4 @@ void RunProgress::show(const RunFrame& frame) {
   });
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

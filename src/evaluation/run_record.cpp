@@ -4,7 +4,7 @@
 #include <limits>
 #include <stdexcept>
 
-namespace ground_scale_vo {
+namespace gsv {
 
 void RunRecord::append(const VisualOdometry::Output& vo, const ScaleRecovery::Output& scale,
                        double decode_ms) {
@@ -151,4 +151,4 @@ std::vector<Eigen::Isometry3d> RunRecord::unscaledPoses() const {
   return poses;
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -14,7 +14,7 @@
 #include "ground_scale_vo/io/process_usage.hpp"
 #include "ground_scale_vo/io/trajectory_io.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace fs = std::filesystem;
 namespace {
 
@@ -191,4 +191,4 @@ void writeRun(const fs::path& folder, const RunRecord& record, double camera_hei
   if (!ground_truth.empty()) writeKittiPoses(folder / "ground_truth.txt", ground_truth);
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -6,7 +6,7 @@
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/evaluation/metrics.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 /// Maximum number of frames from a frame to either end of the segment that gives its true scale.
@@ -85,4 +85,4 @@ ScaleMetrics computeScaleMetrics(const RunRecord& record,
   return metrics;
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

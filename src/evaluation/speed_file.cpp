@@ -12,7 +12,7 @@
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/io/image_folder.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace fs = std::filesystem;
 namespace {
 
@@ -75,4 +75,4 @@ std::vector<SpeedSample> readSpeeds(const fs::path& path) {
   return fs::is_directory(path) ? readOxtsSpeeds(path) : readSpeedTable(path);
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

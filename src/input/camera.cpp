@@ -9,7 +9,7 @@
 #include "ground_scale_vo/common/math.hpp"
 #include "input/distortion_model.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 constexpr double kMaxSide = kMaxImageSide;  // [px]
@@ -228,4 +228,4 @@ std::string checkCalibration(const CameraCalibration& c, const std::string& sour
          ": are they cropped?";
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -10,7 +10,7 @@
 #include "ground_scale_vo/common/error.hpp"
 #include "input/distortion_model.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 namespace fs = std::filesystem;
@@ -268,4 +268,4 @@ std::string cameraYaml(const CameraCalibration& camera, const std::string& comme
          (camera.readout_time > 0 ? format("readout_time: %.9g\n", camera.readout_time) : "");
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

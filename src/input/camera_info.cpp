@@ -8,7 +8,7 @@
 #include "ground_scale_vo/common/math.hpp"
 #include "input/distortion_model.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 using Points = CameraCalibration::Pixels;
@@ -186,4 +186,4 @@ RectificationContradiction rectificationContradiction(const CameraInfo& info,
   return {reason.str(), is_certain};
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -7,7 +7,7 @@
 
 #include "ground_scale_vo/input/camera.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// The fields of a sensor_msgs/CameraInfo under their names.
 struct CameraInfo {
@@ -45,4 +45,4 @@ RectificationContradiction rectificationContradiction(const CameraInfo& info,
                                                       bool image_is_rectified,
                                                       const std::string& image_topic);
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

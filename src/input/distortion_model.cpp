@@ -8,7 +8,7 @@
 
 #include "ground_scale_vo/common/error.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 using Names = DistortionModel::Names;
@@ -139,4 +139,4 @@ void DistortionModel::validate(const Coefficients& coefficients) const {
   }
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// All that differs between the models of distortion. A new one is an entry of distortionModels().
 struct DistortionModel {
@@ -40,4 +40,4 @@ const DistortionModel& modelNamed(const std::string& name,
                                   DistortionModel::Names DistortionModel::*names,
                                   const std::string& what);
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

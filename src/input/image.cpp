@@ -11,7 +11,7 @@
 #include "common/text.hpp"
 #include "ground_scale_vo/common/error.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 /// Share of the pixels that may be brighter than the range: defective ones, and reflections.
@@ -188,4 +188,4 @@ cv::Mat GreyConverter::scaleToEightBits(const cv::Mat& grey) {
   return eight_bits;
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

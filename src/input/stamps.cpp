@@ -7,7 +7,7 @@
 
 #include "common/time.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 /// Shortest interval between two stamps [s]; a shorter one gives no meaningful velocity.
@@ -71,4 +71,4 @@ void StampFilter::add(std::int64_t stamp_ns, Process process) {
   on_drop_(sentence.str());
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

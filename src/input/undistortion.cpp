@@ -5,7 +5,7 @@
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/input/image.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 Undistortion::Undistortion(const CameraCalibration& camera, const cv::Mat& mask) {
   camera.validate();
@@ -47,4 +47,4 @@ cv::Mat Undistortion::remapped(const cv::Mat& raw) const {
   return result;
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -11,7 +11,7 @@
 #include "ground_scale_vo/input/camera.hpp"
 #include "ground_scale_vo/input/image.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 constexpr std::int64_t kUsualInterval = 100'000'000;  // [ns] before one is known
@@ -254,4 +254,4 @@ std::string DriveReader::failure() const {
   return {};
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -12,7 +12,7 @@
 #include "common/time.hpp"
 #include "ground_scale_vo/common/error.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace fs = std::filesystem;
 namespace {
 
@@ -274,4 +274,4 @@ std::vector<std::int64_t> readImageStamps(const fs::path& file, const NumberedFi
   return stamps_ns;
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -11,7 +11,7 @@
 #include "ground_scale_vo/input/image.hpp"
 #include "ground_scale_vo/io/trajectory_io.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace fs = std::filesystem;
 namespace {
 
@@ -208,4 +208,4 @@ cv::Mat KittiSequence::image(std::size_t i) const {
   return image;
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -13,7 +13,7 @@
 #include "ground_scale_vo/io/image_folder.hpp"
 #include "ground_scale_vo/io/kitti_sequence.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace fs = std::filesystem;
 namespace {
 
@@ -161,4 +161,4 @@ std::unique_ptr<DriveReader> openDrive(const DriveInput& input, GroundTruth* tru
   return reader;
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

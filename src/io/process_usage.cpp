@@ -6,7 +6,7 @@
 #include <fstream>
 #include <string>
 
-namespace ground_scale_vo {
+namespace gsv {
 
 ProcessUsage processUsage(pid_t pid) {
   ProcessUsage usage;
@@ -34,4 +34,4 @@ double threadCpuMs() {
   return 1e3 * static_cast<double>(time.tv_sec) + 1e-6 * static_cast<double>(time.tv_nsec);
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

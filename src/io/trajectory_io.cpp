@@ -8,7 +8,7 @@
 #include "common/time.hpp"
 #include "ground_scale_vo/common/math.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace fs = std::filesystem;
 namespace {
 
@@ -79,4 +79,4 @@ void writeTumTrajectory(const fs::path& file, const std::vector<StampedPose>& po
   writeFile(file, stream.str());
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -10,7 +10,7 @@
 
 #include "input/distortion_model.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 constexpr int kMaxNewtonSteps = 20;
@@ -152,4 +152,4 @@ double LensEstimate::significance(const Lens& current) const {
   return difference.dot(covariance.ldlt().solve(difference));
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -9,7 +9,7 @@
 #include "ground_scale_vo/common/math.hpp"
 #include "lens/lens_solver.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 /// Cells of the image, for Result::field and the selection of tracks.
@@ -287,4 +287,4 @@ const char* toString(LensEstimator::Status status) {
   return "invalid";
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

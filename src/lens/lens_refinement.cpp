@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <chrono>
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 constexpr double kTurnStep = 0.1;  // [rad]
@@ -80,4 +80,4 @@ std::optional<LensEstimator::Result> LensRefinement::finished() {
   return pending_.get();
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <utility>
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 /// [px] A track with a larger error at the initial poses is an outlier.
@@ -405,4 +405,4 @@ void LensSegment::rejectOutliers(const Lens& lens, const TrackNoise& noise, doub
   }
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

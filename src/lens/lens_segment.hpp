@@ -9,7 +9,7 @@
 #include "ground_scale_vo/lens/lens.hpp"
 #include "lens/track_noise.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 struct LensObservation {
   std::size_t keyframe = 0;                     ///< index in the segment
@@ -156,4 +156,4 @@ class LensSegment {
   std::vector<Eigen::Vector3d> previous_points_;
 };
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -8,7 +8,7 @@
 
 #include "ground_scale_vo/common/math.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 constexpr double kFirstDamping = 1e-4, kLeastDamping = 1e-10, kLargestDamping = 1e4;
@@ -153,4 +153,4 @@ LensEstimate LensSolver::combineWithPrior() {
   }
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -7,7 +7,7 @@
 
 #include "lens/lens_segment.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// Estimates the lens that all segments share.
 ///
@@ -64,4 +64,4 @@ class LensSolver {
   double field_sigma_px_ = 0, dispersion_ = 1;
 };
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

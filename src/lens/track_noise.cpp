@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-namespace ground_scale_vo {
+namespace gsv {
 
 Eigen::MatrixXd TrackNoise::information(const std::vector<std::size_t>& keyframes) const {
   const auto n = static_cast<Eigen::Index>(keyframes.size());
@@ -26,4 +26,4 @@ double TrackNoise::cost(double chi2, int redundancy) const {
   return 0.5 * (degrees_of_freedom + redundancy) * std::log1p(chi2 / degrees_of_freedom);
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

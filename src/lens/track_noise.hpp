@@ -3,7 +3,7 @@
 #include <Eigen/Core>
 #include <vector>
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// Errors of the observations of one track. They are correlated: a feature drifts on its surface as
 /// its patch deforms, and all observations share the error of the patch that they are aligned to.
@@ -25,4 +25,4 @@ struct TrackNoise {
   double cost(double chi2, int redundancy) const;
 };
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

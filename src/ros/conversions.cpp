@@ -15,7 +15,7 @@
 #include "ground_scale_vo/common/math.hpp"
 #include "input/distortion_model.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 /// Largest deviation of the norm of a unit quaternion from 1: senders may round it.
@@ -346,4 +346,4 @@ sensor_msgs::CameraInfo toCameraInfo(const PinholeCamera& camera) {
   return toCameraInfo(withoutDistortion(camera));
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -12,7 +12,7 @@
 #include "ros/odometry_output.hpp"
 #include "scale/road.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 constexpr double kHeldS = 3.0;  // [s] shorter gaps between measurements occur in every drive
@@ -187,4 +187,4 @@ std::string learnedHeightYaml(const ScaleRecovery::Output& measured, double give
                           angle95);
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

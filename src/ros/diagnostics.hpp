@@ -15,7 +15,7 @@
 
 // What the log and the diagnostics of a nodelet say, and the checks of the mounting that they
 // report. All times are wall times: the clock of a bag may stop or jump.
-namespace ground_scale_vo {
+namespace gsv {
 
 struct TfFrames;  // odometry_output.hpp
 
@@ -94,4 +94,4 @@ std::string mountingWarning(const ScaleRecovery::Output& measured,
 /// 5 %. given_sigma: of a given height [m], 0 without one.
 std::string learnedHeightYaml(const ScaleRecovery::Output& measured, double given_sigma);
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

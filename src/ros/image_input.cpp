@@ -7,7 +7,7 @@
 #include "ground_scale_vo/ros/conversions.hpp"
 #include "input/camera_info.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 cv::Mat readMask(const std::string& file) {
@@ -102,4 +102,4 @@ cv::Mat CameraInput::grey(const cv::Mat& pixels, const std::string& encoding) {
   return grey_converter_.convert(pixels, encoding);
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -13,7 +13,7 @@
 #include "ground_scale_vo/input/image.hpp"
 
 // The images of MonoVo and their calibration.
-namespace ground_scale_vo {
+namespace gsv {
 
 /// Detects that the description of the source in the messages keeps changing, as of two cameras on
 /// one topic: the third change keeps the source in use until kMemory messages in a row agree.
@@ -106,4 +106,4 @@ class CameraInput {
   GreyConverter grey_converter_;
 };
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

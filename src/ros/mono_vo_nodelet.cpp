@@ -27,7 +27,7 @@
 #include "ros/stage_nodelet.hpp"
 #include "ros/visuals.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 constexpr std::uint32_t kInputQueue = 100;  // [messages] that wait for their callback
@@ -359,6 +359,6 @@ StageNodelet::State MonoVoNodelet::describe(Diagnostics& status) {
   return state;
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv
 
-PLUGINLIB_EXPORT_CLASS(ground_scale_vo::MonoVoNodelet, nodelet::Nodelet)
+PLUGINLIB_EXPORT_CLASS(gsv::MonoVoNodelet, nodelet::Nodelet)

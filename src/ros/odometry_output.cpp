@@ -11,7 +11,7 @@
 #include "ground_scale_vo/common/se3.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 /// [m] least spacing of a path after a thinning: an initial spacing may be zero.
@@ -262,4 +262,4 @@ std::string OdometryOutput::otherParentError() const {
                         : "base_frame to \"" + root + "\"");
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

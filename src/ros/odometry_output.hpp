@@ -23,7 +23,7 @@
 #include "ros/params.hpp"
 
 // The metric poses as messages and on tf.
-namespace ground_scale_vo {
+namespace gsv {
 
 /// Rotation from optical axes (x right, y down, z forward) to body axes (x forward, y left, z up).
 Eigen::Matrix3d bodyFromOptical();
@@ -150,4 +150,4 @@ class OdometryOutput {
   std::vector<ros::Subscriber> tf_subscribers_;
 };
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -9,7 +9,7 @@
 #include "ground_scale_vo/common/options.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 using XmlRpc::XmlRpcValue;
@@ -215,4 +215,4 @@ ScaleRecoveryParams ScaleRecoveryParams::read(ParamReader& reader) {
   return params;
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

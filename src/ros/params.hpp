@@ -11,7 +11,7 @@
 #include "ground_scale_vo/scale/scale_recovery.hpp"
 #include "ground_scale_vo/self_calibrating_odometry.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// [messages] that wait for a slow subscriber of a topic with one message per image: ten seconds of
 /// a 10 Hz camera.
@@ -106,4 +106,4 @@ struct ScaleRecoveryParams {
   static ScaleRecoveryParams read(ParamReader& reader);
 };
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -9,7 +9,7 @@
 
 #include "ground_scale_vo/common/error.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 constexpr double kMaxVariance = 100;  ///< [m^2/s^2] more stands for "not known"
@@ -118,4 +118,4 @@ SpeedSample readSpeed(const topic_tools::ShapeShifter& message, bool* has_vehicl
           has_variance ? std::sqrt(variance) : 0};
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -15,7 +15,7 @@
 #include "ground_scale_vo/vo/vo_frame.hpp"
 
 // What ScaleRecovery receives: which frame continues which, which image belongs to it, and speeds.
-namespace ground_scale_vo {
+namespace gsv {
 
 /// What a received frame continues: the one place where the ROS side decides it (the table in
 /// docs/design.md), from the numbers and names in vo/frame.
@@ -152,4 +152,4 @@ class FrameImageSynchronizer {
 /// finite.
 SpeedSample readSpeed(const topic_tools::ShapeShifter& message, bool* has_vehicle_axes);
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -24,7 +24,7 @@
 #include "ros/stage_nodelet.hpp"
 #include "ros/visuals.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 /// [images] that may wait for their frame, at least: one second of a 30 Hz camera.
@@ -379,6 +379,6 @@ StageNodelet::State ScaleRecoveryNodelet::describe(Diagnostics& status) {
   return state;
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv
 
-PLUGINLIB_EXPORT_CLASS(ground_scale_vo::ScaleRecoveryNodelet, nodelet::Nodelet)
+PLUGINLIB_EXPORT_CLASS(gsv::ScaleRecoveryNodelet, nodelet::Nodelet)

@@ -9,7 +9,7 @@
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 constexpr double kDiagnosticsPeriod = 1.0;  // [s] wall time
@@ -153,4 +153,4 @@ void StageNodelet::warnOfMissingInput(const std::string& sentence) {
   log_->warn(sentence.substr(0, sentence.find(' ', 3)), sentence, kMissingInputPeriod);
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

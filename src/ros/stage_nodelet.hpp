@@ -18,7 +18,7 @@
 #include "ros/diagnostics.hpp"
 #include "ros/params.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// The sentence, followed by a clause while ROS time does not run: drivers then stamp their images
 /// with zero, or wait for the time.
@@ -108,4 +108,4 @@ class StageNodelet : public nodelet::Nodelet {
   double frame_ms_ = 0;
 };
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

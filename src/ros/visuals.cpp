@@ -14,7 +14,7 @@
 #include "ground_scale_vo/ros/conversions.hpp"
 #include "scale/road.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 /// [m] distance of the quad's centre ahead of the camera, its length and width.
@@ -235,8 +235,8 @@ visualization_msgs::Marker::Ptr toPlaneMarker(const ScaleEstimate& scale,
   quad->ns = "ground_plane";
   quad->type = visualization_msgs::Marker::CUBE;
   quad->action = visualization_msgs::Marker::ADD;
-  quad->pose = ground_scale_vo::toMsg(groundAxes(scale) *
-                                      Eigen::Translation3d(kQuadAhead * Eigen::Vector3d::UnitX()));
+  quad->pose =
+      gsv::toMsg(groundAxes(scale) * Eigen::Translation3d(kQuadAhead * Eigen::Vector3d::UnitX()));
   quad->scale.x = kQuadLength;
   quad->scale.y = kQuadWidth;
   quad->scale.z = 0.01;
@@ -247,4 +247,4 @@ visualization_msgs::Marker::Ptr toPlaneMarker(const ScaleEstimate& scale,
   return quad;
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -14,7 +14,7 @@
 #include "ground_scale_vo/vo/visual_odometry.hpp"
 
 // Messages for visualisation only.
-namespace ground_scale_vo {
+namespace gsv {
 
 /// Draws the feature tracks of a frame over its image, which is drawn darker, with its masked
 /// pixels tinted. Coloured by age: filled dots have a map point, hollow ones do not yet; lines lead
@@ -46,4 +46,4 @@ bool hasGroundPlane(const ScaleEstimate& scale);
 visualization_msgs::Marker::Ptr toPlaneMarker(const ScaleEstimate& scale,
                                               const std_msgs::Header& header);
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

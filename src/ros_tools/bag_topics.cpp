@@ -8,7 +8,7 @@
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/io/drive_reader.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 std::vector<std::string> spellingsOf(const std::string& topic) {
   const std::string name = topic.substr(std::min(topic.find_first_not_of('/'), topic.size()));
@@ -50,4 +50,4 @@ std::string unreadableBag(const std::string& file, const std::exception& error) 
   return "the bag " + file + " cannot be read: " + reason;
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

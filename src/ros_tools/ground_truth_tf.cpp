@@ -2,7 +2,7 @@
 
 #include "ground_scale_vo/ros/conversions.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 /// [s] longer than any drive, so that nothing expires.
@@ -52,4 +52,4 @@ std::optional<Eigen::Isometry3d> GroundTruthTf::pose(const std::string& frame,
   }
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -8,7 +8,7 @@
 
 #include <cstdint>
 
-namespace ground_scale_vo {
+namespace gsv {
 
 std::optional<XmlRpc::XmlRpcValue> callNode(const std::string& node, const std::string& method) {
   XmlRpc::XmlRpcValue request, response, uri;
@@ -34,4 +34,4 @@ std::optional<pid_t> processOf(const std::string& node) {
   return static_cast<int>(*pid);
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

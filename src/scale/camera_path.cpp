@@ -2,7 +2,7 @@
 
 #include <limits>
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 /// Kept images. Two baselines at the minimum spacing are ten intervals between eleven images; two
@@ -74,4 +74,4 @@ const CameraPath::Pose& CameraPath::nearest(const Eigen::Vector3d& p_w, double m
   return *nearest;
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

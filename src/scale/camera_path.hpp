@@ -11,7 +11,7 @@
 #include "ground_scale_vo/common/se3.hpp"
 #include "scale/road.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// A feature that lies on the road, in the axes of some camera c: of its frame, or of the window of
 /// GPA. Its error lies along the ray from the camera that it was triangulated from.
@@ -76,4 +76,4 @@ class CameraPath {
   std::deque<Pose> poses_;
 };
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -11,7 +11,7 @@
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/math.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 using direct::kReferences;
@@ -354,4 +354,4 @@ PlaneMeasurement DirectPlaneEstimator::estimate(const VoFrame& frame, const cv::
   return result;
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -13,7 +13,7 @@
 #include "scale/patch_matcher.hpp"
 #include "scale/road.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// Direct (photometric) estimate of the ground plane m = n / h from the intensities of the road:
 /// patches of the lane are aligned with two earlier images along the epipolar lines
@@ -74,4 +74,4 @@ class DirectPlaneEstimator {
   std::vector<double> normalised_shifts_;
 };
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -5,7 +5,7 @@
 
 #include "scale/metric_trajectory.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 void DriveSmoother::addStep(const ScaleFilter& filter) {
   if (starts_map_) map_starts_.push_back(steps_.size());
@@ -106,4 +106,4 @@ std::vector<DriveSmoother::Smoothed> DriveSmoother::smoothed(
   return result;
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

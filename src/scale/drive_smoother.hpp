@@ -8,7 +8,7 @@
 #include "scale/path_speed.hpp"
 #include "scale/scale_filter.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// Records a drive, and gives each of its frames the scale that follows from all measurements, also
 /// later ones: a Rauch-Tung-Striebel smoother over the states of ScaleFilter, and the trajectory
@@ -56,4 +56,4 @@ class DriveSmoother {
   bool starts_map_ = true;
 };
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -12,7 +12,7 @@
 #include "common/time.hpp"
 #include "ground_scale_vo/common/error.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 using Triangle = std::array<std::uint32_t, 3>;
@@ -257,4 +257,4 @@ std::vector<GroundPoint> aggregateGroundPoints(const CameraPath& path,
   return points;
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -10,7 +10,7 @@
 #include "scale/camera_path.hpp"
 #include "scale/road.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// What GPE has found in one frame.
 struct GroundPoints {
@@ -47,4 +47,4 @@ std::vector<GroundPoint> aggregateGroundPoints(const CameraPath& path,
                                                const Eigen::Isometry3d& T_w_c, double height_hint,
                                                const GroundPointAggregationOptions& options = {});
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

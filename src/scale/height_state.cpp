@@ -6,7 +6,7 @@
 
 #include "ground_scale_vo/common/math.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 /// A camera height that is not given: between that of a small robot and of a lorry.
@@ -185,4 +185,4 @@ std::optional<ContradictingRun::Sample> ContradictingRun::agreement(double max_d
   return result;
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

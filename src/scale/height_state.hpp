@@ -8,7 +8,7 @@
 
 #include "ground_scale_vo/scale/scale_options.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// The Kalman filter of ScaleFilter: a random walk of ln h, the height of the camera in VO units,
 /// and the offsets of the measured heights from it. With a given camera height h* [m] and no
@@ -98,4 +98,4 @@ class ContradictingRun {
   double since_ = 0, turned_ = 0;
 };
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

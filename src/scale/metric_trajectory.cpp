@@ -8,7 +8,7 @@
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/math.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 /// Steps of the numerical integration over a gap between two maps.
@@ -379,4 +379,4 @@ double MetricTrajectory::rotationVariance(double length) const {
   return std::pow(options_.rotation_sigma_per_sqrt_m, 2) * length;
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -12,7 +12,7 @@
 #include "ground_scale_vo/vo/vo_frame.hpp"
 #include "scale/path_speed.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// Accumulates metric increments: each rotation unchanged, each translation times the scale of its
 /// frame (Eq. 10 for increments), with their covariance. In a young map all motion since the map's
@@ -100,4 +100,4 @@ class MetricTrajectory {
   std::int64_t last_motion_stamp_ns_ = 0;  ///< of the last frame that was not at standstill
 };
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

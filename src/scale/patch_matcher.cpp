@@ -9,7 +9,7 @@
 #include "common/vector_loop.hpp"
 #include "ground_scale_vo/common/se3.hpp"
 
-namespace ground_scale_vo::direct {
+namespace gsv::direct {
 namespace {
 
 /// [focal lengths] Standard deviation of the Gaussian that smooths the images: 0.7 px for KITTI.
@@ -342,4 +342,4 @@ float PatchMatcher::correlate(const Patch& patch, Samples* values) const {
          std::sqrt(std::max(patch.texture * texture, kMinTextureProduct));
 }
 
-}  // namespace ground_scale_vo::direct
+}  // namespace gsv::direct

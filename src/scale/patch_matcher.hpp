@@ -9,7 +9,7 @@
 #include "scale/camera_path.hpp"
 #include "scale/road.hpp"
 
-namespace ground_scale_vo::direct {
+namespace gsv::direct {
 
 constexpr int kPatchSide = 8;  ///< [samples] along a side; 64 samples fill whole SIMD registers
 constexpr int kPatchSamples = kPatchSide * kPatchSide;
@@ -117,4 +117,4 @@ class PatchMatcher {
   cv::Mat allowed_;
 };
 
-}  // namespace ground_scale_vo::direct
+}  // namespace gsv::direct

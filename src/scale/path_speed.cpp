@@ -7,7 +7,7 @@
 #include "common/time.hpp"
 #include "ground_scale_vo/common/math.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 constexpr double kMaxSampleSpeed = 200;  ///< [m/s]
@@ -332,4 +332,4 @@ std::string heightWarning(double given, double given_sigma, const ScaleEstimate&
       given, given_sigma, scale.camera_height, scale.camera_height_sigma);
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

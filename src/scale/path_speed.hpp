@@ -10,7 +10,7 @@
 #include "ground_scale_vo/vo/vo_frame.hpp"
 #include "scale/camera_path.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// The speeds of the last minutes, and the distances that follow from them. Between two samples the
 /// speed is interpolated linearly. Samples from a jump that no vehicle makes (a wheel that slips or
@@ -141,4 +141,4 @@ class PathSpeed {
 /// Empty: neither.
 std::string heightWarning(double given, double given_sigma, const ScaleEstimate& scale);
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

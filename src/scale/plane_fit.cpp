@@ -10,7 +10,7 @@
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/math.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 constexpr std::size_t kMinPoints = 14;  ///< of a plane: with fewer, a kerb passes for the road
@@ -287,4 +287,4 @@ PlaneMeasurement fitPlane(const std::vector<GroundPoint>& points, const RoadPrio
              : fitInverseDepth(points, prior, height_hint, options.camber_sigma_rad);
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -9,7 +9,7 @@
 #include "scale/camera_path.hpp"
 #include "scale/road.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// Plane through ground points: pcl::SACSegmentation for the start, then weighted least squares
 /// with iterated rejection of outliers (Eq. 6-8 with corrections, Alg. 2 lines 14-34).
@@ -40,4 +40,4 @@ std::optional<Eigen::Vector4f> segmentPerpendicularPlane(const std::vector<Eigen
                                                          const Eigen::Vector3f& axis,
                                                          double max_angle);
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -15,7 +15,7 @@
 
 #include "scale/plane_fit.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 struct EIGEN_ALIGN16 PclPoint {
   PclPoint() = default;
@@ -24,12 +24,11 @@ struct EIGEN_ALIGN16 PclPoint {
   EIGEN_MAKE_ALIGNED_OPERATOR_NEW
 };
 
-}  // namespace ground_scale_vo
+}  // namespace gsv
 
-POINT_CLOUD_REGISTER_POINT_STRUCT(ground_scale_vo::PclPoint,
-                                  (float, x, x)(float, y, y)(float, z, z))
+POINT_CLOUD_REGISTER_POINT_STRUCT(gsv::PclPoint, (float, x, x)(float, y, y)(float, z, z))
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 using Cloud = pcl::PointCloud<PclPoint>;
@@ -72,19 +71,19 @@ class PlaneModel : public PclModel {
 };
 
 }  // namespace
-}  // namespace ground_scale_vo
+}  // namespace gsv
 
 /// With PlaneModel alone: the general one instantiates PCL's models of all shapes.
 template <>
-bool pcl::SACSegmentation<ground_scale_vo::PclPoint>::initSACModel(int /*model_type*/) {
-  const auto model = pcl::make_shared<ground_scale_vo::PlaneModel>(input_);
+bool pcl::SACSegmentation<gsv::PclPoint>::initSACModel(int /*model_type*/) {
+  const auto model = pcl::make_shared<gsv::PlaneModel>(input_);
   model->setAxis(axis_);
   model->setEpsAngle(eps_angle_);
   model_ = model;
   return true;
 }
 
-namespace ground_scale_vo {
+namespace gsv {
 
 std::optional<Eigen::Vector4f> segmentPerpendicularPlane(const std::vector<Eigen::Vector3f>& points,
                                                          const Eigen::Vector3f& axis,
@@ -107,4 +106,4 @@ std::optional<Eigen::Vector4f> segmentPerpendicularPlane(const std::vector<Eigen
   return Eigen::Vector4f(coefficients.values.data());
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -12,7 +12,7 @@
 #include "ground_scale_vo/common/math.hpp"
 #include "scale/camera_path.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 // Mounting.
@@ -250,4 +250,4 @@ std::string mountingComments(double height, double pitch, double pitch95, double
              std::atan2(R_b_c(2, 1), R_b_c(2, 2)));
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

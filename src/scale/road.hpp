@@ -9,7 +9,7 @@
 #include "ground_scale_vo/scale/scale_estimate.hpp"
 #include "ground_scale_vo/scale/scale_options.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 class CameraPath;
 
@@ -146,4 +146,4 @@ std::string heightYaml(const std::string& source, double height, double error95)
 std::string mountingComments(double height, double pitch, double pitch95, double roll,
                              double roll95);
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -2,7 +2,7 @@
 
 #include <cstddef>
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 /// In the order of the enumerators.
@@ -26,4 +26,4 @@ const char* toString(MeasurementStatus status) {
                          "implausible_motion"});
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -6,7 +6,7 @@
 
 #include "ground_scale_vo/common/math.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 /// [standard deviations] Measurements with a larger normalised innovation are rejected.
@@ -255,4 +255,4 @@ void ScaleFilter::started() {
   for (SourceState& source : sources_) source = {distance_, distance_, {}};
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

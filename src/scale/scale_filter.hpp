@@ -10,7 +10,7 @@
 #include "ground_scale_vo/scale/scale_options.hpp"
 #include "scale/height_state.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// Filter of the camera height h in VO units (the paper's section III.C; the scale is h*/h):
 /// decides which measurements the Kalman filter takes, and when they contradict it for so long that
@@ -115,4 +115,4 @@ class ScaleFilter {
   std::optional<double> speed_distance_;  ///< distance_ at the latest accepted speed
 };
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -8,7 +8,7 @@
 #include "ground_scale_vo/common/math.hpp"
 #include "scale/scale_recovery_impl.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 /// Consecutive implausible poses after which the odometry is taken to have started a new map.
@@ -318,4 +318,4 @@ ScaleRecovery::Output ScaleRecovery::process(const VoFrame& frame, const cv::Mat
   return output;
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

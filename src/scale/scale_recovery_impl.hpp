@@ -15,7 +15,7 @@
 #include "scale/road.hpp"
 #include "scale/scale_filter.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// The stages of ScaleRecovery, and what it remembers between frames.
 struct ScaleRecovery::Impl {
@@ -64,4 +64,4 @@ struct ScaleRecovery::Impl {
   bool refused_continue = false;  ///< one of them has a plausible speed from the one before
 };
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

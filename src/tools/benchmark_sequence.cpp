@@ -27,7 +27,6 @@
 #include "ros/odometry_output.hpp"
 #include "support/drive_arguments.hpp"
 
-namespace gsv = ground_scale_vo;
 namespace fs = std::filesystem;
 
 namespace {

@@ -29,8 +29,6 @@
 #include "ros/odometry_output.hpp"
 #include "support/command_line.hpp"
 
-namespace gsv = ground_scale_vo;
-
 namespace {
 
 /// Longest part of the images after the end of the ground truth that is left out.

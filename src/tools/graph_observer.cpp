@@ -22,8 +22,6 @@
 #include "ground_scale_vo/ros_tools/node_process.hpp"
 #include "support/command_line.hpp"
 
-namespace gsv = ground_scale_vo;
-
 namespace {
 
 constexpr std::uint32_t kQueue = 1000;  // [messages]

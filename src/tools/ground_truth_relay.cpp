@@ -16,8 +16,6 @@
 #include "ground_scale_vo/ros_tools/ground_truth_tf.hpp"
 #include "ros/odometry_output.hpp"
 
-namespace gsv = ground_scale_vo;
-
 namespace {
 
 constexpr std::uint32_t kQueue = 1000;  // [messages]

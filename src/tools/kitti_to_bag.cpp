@@ -22,8 +22,6 @@
 #include "support/command_line.hpp"
 #include "support/complete_output.hpp"
 
-namespace gsv = ground_scale_vo;
-
 namespace {
 
 constexpr const char* kTfTopic = "/tf";

@@ -13,8 +13,6 @@
 #include "ground_scale_vo/evaluation/speed_file.hpp"
 #include "support/drive_arguments.hpp"
 
-namespace gsv = ground_scale_vo;
-
 namespace {
 
 struct Arguments : gsv::DriveArguments {

@@ -12,7 +12,7 @@
 #include "common/vector_loop.hpp"
 #include "ground_scale_vo/common/math.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 /// [px] largest shift from the tracked position.
@@ -390,4 +390,4 @@ void ReferenceAlignment::alignFeature(const Reference& reference, const cv::Mat&
   }
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

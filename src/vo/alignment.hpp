@@ -9,7 +9,7 @@
 #include "vo/feature.hpp"
 #include "vo/map.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// Affine warp, d(pixel of the current image c) / d(pixel of the reference image r), at the point
 /// p_r (in camera r, VO units) of that surface. Empty when the surface is at grazing incidence in
@@ -74,4 +74,4 @@ class ReferenceAlignment {
   std::vector<View> views_;  ///< of the map's keyframes, in their order
 };
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -9,7 +9,7 @@
 
 #include "ground_scale_vo/common/math.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 /// Minimum depth of a landmark in its observer, relative to its depth in the anchor. A landmark
@@ -311,4 +311,4 @@ void BundleAdjustment::store(LocalMap* map) const {
   }
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -10,7 +10,7 @@
 #include "vo/map.hpp"
 #include "vo/reprojections.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 constexpr int kMaxAdjustmentIterations = 6;  ///< of Levenberg-Marquardt: more change little
 /// [standard deviations] residual above which Huber's loss is linear.
@@ -112,4 +112,4 @@ class BundleAdjustment {
   std::vector<double> padded_;  // one row per free keyframe
 };
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

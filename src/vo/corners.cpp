@@ -11,7 +11,7 @@
 #include "common/vector_loop.hpp"
 #include "vo/lucas_kanade.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 /// [px] Pixels nearer to the image border have no corner strength.
@@ -257,4 +257,4 @@ std::vector<cv::Point2f> CornerDetector::detectIn(const cv::Mat& image, const cv
   return corners;
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

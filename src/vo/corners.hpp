@@ -6,7 +6,7 @@
 #include "ground_scale_vo/vo/vo_options.hpp"
 #include "vo/feature.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// Shi-Tomasi corners, one per cell of a grid. The cell size is a fraction of the image width, so
 /// the number of features does not depend on the camera's resolution, unless a cell would be
@@ -32,4 +32,4 @@ class CornerDetector {
   cv::Mat allowed_;
 };
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

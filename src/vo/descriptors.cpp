@@ -10,7 +10,7 @@
 #include "ground_scale_vo/common/math.hpp"
 #include "vo/feature.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 /// A descriptor tolerates a change of size by a fifth, so three scales cover a factor of 2.4.
@@ -137,4 +137,4 @@ std::vector<cv::Point2f> predictPixelsByMatches(const std::vector<cv::Point2f>& 
   return predicted;
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -7,7 +7,7 @@
 #include <optional>
 #include <vector>
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// A point of one image and the point of another image with the most similar descriptor.
 struct DescriptorMatch {
@@ -50,4 +50,4 @@ std::vector<cv::Point2f> predictPixelsByMatches(const std::vector<cv::Point2f>& 
                                                 const std::vector<cv::Point2f>& to,
                                                 const std::vector<DescriptorMatch>& matches);
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -5,7 +5,7 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// An image with its Gaussian pyramid, computed once for tracking to it and from it.
 struct ImagePyramid {
@@ -78,4 +78,4 @@ std::vector<Entry> entriesOf(const std::vector<Feature>& features, const std::ve
   return result;
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -4,7 +4,7 @@
 
 #include "ground_scale_vo/common/math.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 /// [features] minimum number of matches for initialisation; more than TwoView needs.
@@ -132,4 +132,4 @@ std::optional<std::vector<StampedPose>> MapInitialisation::localiseFrames(
   return poses;
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -13,7 +13,7 @@
 #include "vo/pose.hpp"
 #include "vo/two_view.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// Starts a map: collects frames until the motion between the first and the newest one can be
 /// estimated from their matches (two-view geometry), then makes a map of these two and localises
@@ -64,4 +64,4 @@ class MapInitialisation {
   cv::Mat first_image_;
 };
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

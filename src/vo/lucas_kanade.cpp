@@ -12,7 +12,7 @@
 #include "common/simd.hpp"
 #include "common/vector_loop.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 /// With more, patches on edges move along them; with fewer, those in a narrow field of view lag
@@ -362,4 +362,4 @@ std::vector<std::optional<cv::Point2f>> trackPoints(const ImagePyramid& from,
   return tracks;
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

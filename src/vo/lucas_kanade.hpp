@@ -6,7 +6,7 @@
 
 #include "vo/feature.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 constexpr int kTrackedSide = 9;    ///< [px] side of a patch
 constexpr int kPyramidLevels = 4;  ///< above the full resolution
@@ -25,4 +25,4 @@ std::vector<std::optional<cv::Point2f>> trackPoints(const ImagePyramid& from,
                                                     const std::vector<cv::Point2f>& predicted,
                                                     const cv::Mat& allowed);
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -8,7 +8,7 @@
 
 #include "ground_scale_vo/common/math.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 /// Largest sigma of a new inverse depth, relative to the inverse depth. The point still constrains
@@ -279,4 +279,4 @@ std::optional<WorldPoint> LocalMap::point(const Landmark& landmark) const {
                     T_w_a.linear() * ray * (landmark.depth->sigma / (rho * rho))};
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -12,7 +12,7 @@
 #include "ground_scale_vo/input/camera.hpp"
 #include "vo/feature.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// Older keyframes than this number are dropped. Some are older than those that are adjusted.
 constexpr std::size_t kMaxKeyframes = 14;
@@ -161,4 +161,4 @@ class LocalMap {
   std::uint64_t first_id_ = 0;
 };
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -7,7 +7,7 @@
 #include "ground_scale_vo/common/math.hpp"
 #include "vo/motion.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 /// Median parallax between two keyframes, as a share of that which calls for the next keyframe,
@@ -86,4 +86,4 @@ void Mapping::storeAdjusted() {
   map_.updateSigmas();
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -12,7 +12,7 @@
 #include "vo/feature.hpp"
 #include "vo/map.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// [rad] A new keyframe is made above this median parallax to the last one, or when less than this
 /// share of its features is still tracked.
@@ -62,4 +62,4 @@ class Mapping {
   std::future<double> adjusting_;  ///< its duration [ms]. Last: the destructor waits
 };
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

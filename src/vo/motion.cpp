@@ -8,7 +8,7 @@
 #include "common/time.hpp"
 #include "ground_scale_vo/common/math.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 /// Limits the prediction to this many times the interval over which the velocity was measured.
@@ -185,4 +185,4 @@ void shiftFeaturesByFlow(const PinholeCamera& camera, double readout_time, doubl
   }
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -10,7 +10,7 @@
 #include "vo/feature.hpp"
 #include "vo/map.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// The pose of the last tracked frame and the constant-velocity prediction of the next one.
 class MotionModel {
@@ -77,4 +77,4 @@ void shiftObservations(const PinholeCamera& camera, LocalMap* map);
 void shiftFeaturesByFlow(const PinholeCamera& camera, double readout_time, double dt,
                          std::vector<Feature>* features);
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

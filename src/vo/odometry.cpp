@@ -8,7 +8,7 @@
 #include "common/time.hpp"
 #include "vo/pose.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 /// After an interruption, features with a reprojection error above this multiple of
@@ -416,4 +416,4 @@ VisualOdometry::Output VisualOdometry::process(const cv::Mat& image, std::int64_
   return impl_->process(image, stamp_ns);
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

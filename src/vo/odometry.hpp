@@ -13,7 +13,7 @@
 #include "vo/recovery.hpp"
 #include "vo/tracking.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// The stages of VisualOdometry, and what they know of the drive. process() is the life of a frame.
 class VisualOdometry::Impl {
@@ -77,4 +77,4 @@ class VisualOdometry::Impl {
   Interruption interruption_;
 };
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -11,7 +11,7 @@
 #include "ground_scale_vo/common/se3.hpp"
 #include "vo/projection_jacobian.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 /// [VO units] minimum depth (z) of a point in front of the camera.
@@ -221,4 +221,4 @@ PoseEstimate estimatePose(const Eigen::Isometry3d& predicted_T_w_c,
   return from_ransac.inliers > min_ratio * result.inliers ? from_ransac : result;
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -6,7 +6,7 @@
 #include "ground_scale_vo/common/se3.hpp"
 #include "vo/map.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// A map point and its observation in a frame. Error of the point perpendicular to its ray is
 /// neglected: one of uncertain depth still constrains the pose perpendicular to its epipolar line.
@@ -38,4 +38,4 @@ PoseEstimate estimatePose(const Eigen::Isometry3d& predicted_T_w_c,
                           const std::vector<PointObservation>& observations, int min_inliers = 25,
                           double min_inlier_share = 0.4);
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

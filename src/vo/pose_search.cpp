@@ -8,7 +8,7 @@
 #include "ground_scale_vo/common/se3.hpp"
 #include "vo/recovery.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 // Grid of poses, rated in a reduced image: its patches of 9 px tolerate the change of perspective,
@@ -316,4 +316,4 @@ std::optional<RelocalisedPose> locateBySearch(const PinholeCamera& camera, const
   return result;
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -3,7 +3,7 @@
 #include "common/simd.hpp"
 #include "ground_scale_vo/common/se3.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// Derivative of the projections u = p_xy / p_z of kSimdDoubles points by a small motion (w, v)
 /// that moves the points, p -> exp([w]x) p + factor v:
@@ -72,4 +72,4 @@ struct ProjectionSums {
   }
 };
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -6,7 +6,7 @@
 #include "ground_scale_vo/common/math.hpp"
 #include "vo/pose.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 /// [image width] radius of the search around the predicted position of a feature.
@@ -129,4 +129,4 @@ RelativeRotation Interruption::rotationBetween(const Descriptors& a, const Descr
   return estimateRotation(camera_, u1, u2);
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

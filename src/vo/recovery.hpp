@@ -13,7 +13,7 @@
 #include "vo/motion.hpp"
 #include "vo/two_view.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// The pose of an image that does not continue the motion before it.
 struct RelocalisedPose {
@@ -80,4 +80,4 @@ class Interruption {
   RelativeRotation rotation_;
 };
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -4,7 +4,7 @@
 
 #include "common/vector_loop.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 /// Arrays of a group, padded to whole vectors. From kRho on, from the last cost(): rho, q_xy / q_z,
@@ -164,4 +164,4 @@ GSV_VECTOR_LOOP void addOuterProduct(const double* rows, std::size_t count, doub
   }
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -7,7 +7,7 @@
 #include "common/simd.hpp"
 #include "vo/projection_jacobian.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// The residuals of a bundle adjustment: e = q_xy / q_z - x with q = R ray + rho t, where R and t
 /// are the pose of the landmark's anchor in the observer's axes. Residuals with this pose in common
@@ -57,4 +57,4 @@ class Reprojections {
 void addOuterProduct(const double* rows, std::size_t count, double h, std::size_t stride,
                      double* scaled, double* sum);
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

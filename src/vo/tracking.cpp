@@ -7,7 +7,7 @@
 #include "ground_scale_vo/common/math.hpp"
 #include "vo/lucas_kanade.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 /// [normalised image coordinates] standard deviation of a tracked corner without flow, 0.7 px at a
@@ -146,4 +146,4 @@ bool Tracking::isTextureless(const ImagePyramid& image, std::size_t found) const
   return found < kMinCorners && corners_.detect(image, {}).size() < kMinCorners;
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

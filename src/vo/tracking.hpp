@@ -12,7 +12,7 @@
 #include "vo/descriptors.hpp"
 #include "vo/feature.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// Factor between the grey levels of two consecutive images after a step of the camera's exposure:
 /// the median ratio current / previous of the unclipped pixels; 1 for a small or implausible
@@ -82,4 +82,4 @@ class Tracking {
   std::uint64_t next_feature_id_ = 0;
 };
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

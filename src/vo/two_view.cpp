@@ -10,7 +10,7 @@
 #include "ground_scale_vo/common/se3.hpp"
 #include "vo/map.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 // RANSAC of both models. 1000 iterations are the default of cv::findEssentialMat.
@@ -309,4 +309,4 @@ RelativeRotation estimateRotation(const PinholeCamera& camera,
   return result;
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -8,7 +8,7 @@
 
 #include "ground_scale_vo/input/camera.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// The rotation between two images: x_2 ~ R_2_1 x_1 + t.
 struct RelativeRotation {
@@ -51,4 +51,4 @@ RelativeRotation estimateRotation(const PinholeCamera& camera,
 double epipolarError(const Eigen::Isometry3d& T_2_1, const Eigen::Vector3d& ray_1,
                      const Eigen::Vector3d& ray_2);
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

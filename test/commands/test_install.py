@@ -42,6 +42,13 @@ def test_calibrate_camera_without_the_source_tree(install, short, tmp_path):
     assert (tmp_path / "camera.yaml").exists()
 
 
+def test_another_package_uses_messages_and_library(install, tmp_path):
+    run("cmake", "-S", ROOT / "test/downstream", "-B", tmp_path, f"-DCMAKE_PREFIX_PATH={install}",
+        "-DPYTHON_EXECUTABLE=/usr/bin/python3")
+    run("cmake", "--build", tmp_path)
+    assert (tmp_path / "devel/lib/downstream/path_length").exists()
+
+
 @pytest.mark.long
 def test_debian_package():
     package = run(SCRIPTS / "package", timeout=None).stdout.splitlines()[-1]

@@ -5,7 +5,7 @@
 
 #include "support/temporary_folder.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 namespace fs = std::filesystem;
@@ -68,4 +68,4 @@ TEST_F(TextFiles, NonFilesAreRejectedWithoutBlocking) {
 }
 
 }  // namespace
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -10,7 +10,7 @@
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/metric_odometry.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 /// The error message for an assignment; empty if there is no error.
@@ -89,4 +89,4 @@ TEST(ParseNumber, AcceptsOnlyCompleteFiniteNumbers) {
 }
 
 }  // namespace
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -10,7 +10,7 @@
 #include "simulation/scenario_evaluation.hpp"
 #include "simulation/scenarios.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 void PrintTo(const Scenario& scenario, std::ostream* stream) { *stream << scenario.name; }
 
@@ -30,4 +30,4 @@ INSTANTIATE_TEST_SUITE_P(Drives, FaultDrive, testing::ValuesIn(faultScenarios())
                          [](const auto& drive) { return drive.param.name; });
 
 }  // namespace
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -15,7 +15,7 @@
 #include "support/drive_run.hpp"
 #include "support/long_tests.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 void PrintTo(const Scenario& scenario, std::ostream* stream) { *stream << scenario.name; }
 
@@ -84,4 +84,4 @@ INSTANTIATE_TEST_SUITE_P(Drives, ScenarioDrive, testing::ValuesIn(drivesToRun())
                          [](const auto& drive) { return drive.param.name; });
 
 }  // namespace
-}  // namespace ground_scale_vo
+}  // namespace gsv

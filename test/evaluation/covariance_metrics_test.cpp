@@ -7,7 +7,7 @@
 #include "ground_scale_vo/evaluation/metrics.hpp"
 #include "scripted_run.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 using Poses = std::vector<Eigen::Isometry3d>;
@@ -175,4 +175,4 @@ TEST(RelativePoseError, ContainsTheCovarianceOfTheGroundTruth) {
 }
 
 }  // namespace
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -5,7 +5,7 @@
 
 #include "ground_scale_vo/evaluation/metrics.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 using Poses = std::vector<Eigen::Isometry3d>;
@@ -139,4 +139,4 @@ TEST(Quantile, IsLinearBetweenNeighbours) {
 }
 
 }  // namespace
-}  // namespace ground_scale_vo
+}  // namespace gsv

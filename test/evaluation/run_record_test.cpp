@@ -6,7 +6,7 @@
 
 #include "scripted_run.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 /// Positions along z.
@@ -94,4 +94,4 @@ TEST(RunRecord, ContinuesInTheAxesOfTheLastPose) {
 }
 
 }  // namespace
-}  // namespace ground_scale_vo
+}  // namespace gsv

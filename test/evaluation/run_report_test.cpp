@@ -17,7 +17,7 @@
 #include "scripted_run.hpp"
 #include "support/temporary_folder.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 using RunReport = TemporaryFolder;
@@ -192,4 +192,4 @@ TEST_F(RunReport, WritesTheFilesOfARun) {
 }
 
 }  // namespace
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -6,7 +6,7 @@
 #include "ground_scale_vo/evaluation/metrics.hpp"
 #include "scripted_run.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 using Poses = std::vector<Eigen::Isometry3d>;
@@ -107,4 +107,4 @@ TEST(ScaleMetrics, MissingValuesAreNan) {
 }
 
 }  // namespace
-}  // namespace ground_scale_vo
+}  // namespace gsv

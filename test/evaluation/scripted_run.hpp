@@ -7,7 +7,7 @@
 
 #include "ground_scale_vo/evaluation/run_record.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// Pose at distance z along the optical axis.
 inline Eigen::Isometry3d ahead(double z) {
@@ -106,4 +106,4 @@ inline ScriptedRun runWithInitialisation() {
   return run;
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

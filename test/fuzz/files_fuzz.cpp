@@ -18,7 +18,7 @@
 #include "ground_scale_vo/io/kitti_sequence.hpp"
 #include "ground_scale_vo/io/trajectory_io.hpp"
 
-namespace ground_scale_vo::fuzz {
+namespace gsv::fuzz {
 namespace {
 
 namespace fs = std::filesystem;
@@ -110,4 +110,4 @@ void run(const std::string& input) {
   if (kind == 3) set(content);
 }
 
-}  // namespace ground_scale_vo::fuzz
+}  // namespace gsv::fuzz

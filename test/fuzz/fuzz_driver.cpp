@@ -15,7 +15,7 @@
 #include "fuzz_target.hpp"
 #include "support/long_tests.hpp"
 
-namespace ground_scale_vo::fuzz {
+namespace gsv::fuzz {
 namespace {
 
 unsigned long long seed = 1, number = 0, count = 0;  // NOLINT: of the command line
@@ -71,10 +71,10 @@ TEST(Fuzz, HandlesEveryInput) {
 }
 
 }  // namespace
-}  // namespace ground_scale_vo::fuzz
+}  // namespace gsv::fuzz
 
 int main(int argc, char** argv) {
-  using namespace ground_scale_vo::fuzz;
+  using namespace gsv::fuzz;
   testing::InitGoogleTest(&argc, argv);
   testing::GTEST_FLAG(catch_exceptions) = false;  // an exception ends the process as a signal does
   unsigned long long* const arguments[] = {&seed, &number, &count};

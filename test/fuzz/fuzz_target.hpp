@@ -13,7 +13,7 @@
 #include <vector>
 
 /// Each target defines plan() and run(), which fuzz_driver.cpp calls.
-namespace ground_scale_vo::fuzz {
+namespace gsv::fuzz {
 
 struct Plan {
   std::size_t inputs;               ///< with `scripts/test --long`; by default a third
@@ -69,4 +69,4 @@ class Input {
   std::string_view bytes_;
 };
 
-}  // namespace ground_scale_vo::fuzz
+}  // namespace gsv::fuzz

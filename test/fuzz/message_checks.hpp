@@ -12,7 +12,7 @@
 #include "simulation/synthetic_drive.hpp"
 
 /// Valid images, and checks of published messages that hold for any input.
-namespace ground_scale_vo::fuzz {
+namespace gsv::fuzz {
 
 /// The first frames of a rendered drive with small images.
 struct SmallDrive {
@@ -91,4 +91,4 @@ inline void check(const ScaleEstimateMsg& scale) {
   require(scale.scale >= 0 && scale.sigma >= 0, "scale and sigma are not negative");
 }
 
-}  // namespace ground_scale_vo::fuzz
+}  // namespace gsv::fuzz

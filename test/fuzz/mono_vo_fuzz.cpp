@@ -17,7 +17,7 @@
 #include "ros/odometry_output.hpp"
 #include "ros/visuals.hpp"
 
-namespace ground_scale_vo::fuzz {
+namespace gsv::fuzz {
 namespace {
 
 /// Processes messages as the nodelet does.
@@ -143,4 +143,4 @@ void run(const std::string& bytes) {
   }
 }
 
-}  // namespace ground_scale_vo::fuzz
+}  // namespace gsv::fuzz

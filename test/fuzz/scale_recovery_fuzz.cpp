@@ -14,7 +14,7 @@
 #include "ros/odometry_output.hpp"
 #include "ros/visuals.hpp"
 
-namespace ground_scale_vo::fuzz {
+namespace gsv::fuzz {
 namespace {
 
 /// The frames of MonoVo for the drive.
@@ -140,4 +140,4 @@ void run(const std::string& bytes) {
   }
 }
 
-}  // namespace ground_scale_vo::fuzz
+}  // namespace gsv::fuzz

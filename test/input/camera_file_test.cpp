@@ -11,7 +11,7 @@
 #include "input/distortion_model.hpp"
 #include "support/temporary_folder.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 using CameraFile = TemporaryFolder;
@@ -184,4 +184,4 @@ TEST(Undistortion, KeepsImagesWithoutDistortionAndMasksTheBorder) {
 }
 
 }  // namespace
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -9,7 +9,7 @@
 
 #include "support/camera_info.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 const std::vector<double> kBarrel{-0.3, 0.1, 0, 0, 0}, kNoDistortion(5, 0.0);
@@ -126,4 +126,4 @@ TEST(RectificationCheck, FindsRawImagesTakenForRectifiedAndTheConverse) {
 }
 
 }  // namespace
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 TEST(DistortionModel, DistortsAndUndistorts) {
@@ -70,4 +70,4 @@ TEST(DistortionModel, DistortsAsOpenCv) {
 }
 
 }  // namespace
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -16,7 +16,7 @@
 #include "support/expect_throws.hpp"
 #include "support/temporary_folder.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 constexpr int kWidth = 50, kHeight = 40;
@@ -266,4 +266,4 @@ TEST_F(ImageFile, IsNotTurnedByItsOrientation) {
 }
 
 }  // namespace
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 /// What happens to the messages with these stamps [s], in order: "1" message 1 is processed, "<1"
@@ -81,4 +81,4 @@ TEST(StampFilter, AcceptsImagesAtLongIntervals) {
 }
 
 }  // namespace
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -15,7 +15,7 @@
 #include "support/camera_info.hpp"
 #include "support/expect_throws.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 using Info = CameraInfo;
@@ -219,4 +219,4 @@ TEST(CameraInfo, RefusesInvalidCalibrationsAndNamesTopicAndReason) {
 }
 
 }  // namespace
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -9,7 +9,7 @@
 
 #include "support/drive_run.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 using DriveOptions = SyntheticDrive::Options;
@@ -74,4 +74,4 @@ TEST(Covariance, IsNotOverconfidentAboutTheLastPosition) {
 }
 
 }  // namespace
-}  // namespace ground_scale_vo
+}  // namespace gsv

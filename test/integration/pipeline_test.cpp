@@ -18,7 +18,7 @@
 // The whole pipeline on the synthetic drive and, where available, on the sequences in
 // GROUND_SCALE_VO_DATA (recorded and rendered).
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 // Curves, a slope, pitch and roll of the suspension, a stop of five seconds, a car ahead and
@@ -178,4 +178,4 @@ INSTANTIATE_TEST_SUITE_P(Data, SequencePipeline, testing::ValuesIn(kDataSequence
                          [](const auto& test) { return std::string(test.param.name); });
 
 }  // namespace
-}  // namespace ground_scale_vo
+}  // namespace gsv

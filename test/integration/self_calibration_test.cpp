@@ -8,7 +8,7 @@
 #include "simulation/tools/distortion.hpp"
 #include "support/drive_run.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 /// A drive through curves, in images of this lens.
@@ -116,4 +116,4 @@ TEST_F(SelfCalibration, KeepsAnExactLens) {
 }
 
 }  // namespace
-}  // namespace ground_scale_vo
+}  // namespace gsv

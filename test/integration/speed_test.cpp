@@ -18,7 +18,7 @@
 #include "support/drive_run.hpp"
 #include "support/temporary_folder.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 /// A rendered drive, whose images are used in several runs.
@@ -138,4 +138,4 @@ TEST(Speed, IsNotNeededButThenTheHeightIs) {
 }
 
 }  // namespace
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -13,7 +13,7 @@
 #include "simulation/synthetic_drive.hpp"
 #include "support/drive_run.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 constexpr std::size_t kFrames = 120;
@@ -218,4 +218,4 @@ TEST_F(TimeFaults, APauseIsBridged) {
 }
 
 }  // namespace
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -13,7 +13,7 @@
 #include "ground_scale_vo/common/error.hpp"
 #include "support/expect_throws.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 constexpr double kUnreadable = -7;
@@ -161,4 +161,4 @@ TEST(DriveReader, RefusesTheCalibrationOfAnotherSize) {
 }
 
 }  // namespace
-}  // namespace ground_scale_vo
+}  // namespace gsv

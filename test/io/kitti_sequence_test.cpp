@@ -8,7 +8,7 @@
 
 #include "support/temporary_folder.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 namespace fs = std::filesystem;
@@ -381,4 +381,4 @@ TEST_F(KittiSequences, RawGroundTruthIsThatOfTheRectifiedCamera) {
 }
 
 }  // namespace
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -5,7 +5,7 @@
 #include "common/files.hpp"
 #include "support/temporary_folder.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 using TrajectoryIo = TemporaryFolder;
@@ -73,4 +73,4 @@ TEST_F(TrajectoryIo, TumStampsAreExactToTheNanosecond) {
 }
 
 }  // namespace
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -10,7 +10,7 @@
 #include "ground_scale_vo/input/camera_file.hpp"
 #include "support/temporary_folder.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 using Status = LensEstimator::Status;
@@ -310,4 +310,4 @@ TEST(LensEstimator, SeparatesMapsAndRefusesWrongOptions) {
 }
 
 }  // namespace
-}  // namespace ground_scale_vo
+}  // namespace gsv

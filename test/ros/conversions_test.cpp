@@ -15,7 +15,7 @@
 #include "support/expect_throws.hpp"
 #include "support/scene.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 constexpr float kNanF = std::numeric_limits<float>::quiet_NaN();
@@ -247,4 +247,4 @@ TEST(CompressedImage, ThatCannotBeDecodedIsRefusedWithItsFormat) {
 }
 
 }  // namespace
-}  // namespace ground_scale_vo
+}  // namespace gsv

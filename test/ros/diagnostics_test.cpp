@@ -16,7 +16,7 @@
 #include "support/expect_throws.hpp"
 #include "support/learned_height.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 using Level = DiagnosticStatus;
@@ -228,4 +228,4 @@ TEST(CameraHeight, IsNotSavedBeforeSpeedsHaveTaughtIt) {
 }
 
 }  // namespace
-}  // namespace ground_scale_vo
+}  // namespace gsv

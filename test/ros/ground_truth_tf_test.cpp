@@ -5,7 +5,7 @@
 #include <cmath>
 #include <string>
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 /// A transform along x at a time [s].
@@ -46,4 +46,4 @@ TEST(GroundTruthTf, InterpolatesTheFrameThatKitti2bagWrites) {
 }
 
 }  // namespace
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -12,7 +12,7 @@
 #include "support/expect_throws.hpp"
 #include "support/temporary_folder.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 sensor_msgs::CameraInfo infoOf(double fx, double k1 = 0) {
@@ -125,4 +125,4 @@ TEST(SourceGuard, TheFirstOfTwoAlternatingSourcesStaysInUseUntilOneEnds) {
 }
 
 }  // namespace
-}  // namespace ground_scale_vo
+}  // namespace gsv

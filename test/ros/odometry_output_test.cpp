@@ -11,7 +11,7 @@
 #include "ground_scale_vo/ros/conversions.hpp"
 #include "support/scene.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 using Covariance = Eigen::Map<const Eigen::Matrix<double, 6, 6, Eigen::RowMajor>>;
@@ -227,4 +227,4 @@ TEST(FrameParents, ForgetsAParentThatIsNotBroadcastAnyMore) {
 }
 
 }  // namespace
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -19,7 +19,7 @@
 #include "ground_scale_vo/metric_odometry.hpp"
 #include "support/expect_throws.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 using XmlRpc::XmlRpcValue;
@@ -176,4 +176,4 @@ TEST(ParameterTable, ListsAllParametersAndOptions) {
 }
 
 }  // namespace
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -18,7 +18,7 @@
 #include "ground_scale_vo/common/error.hpp"
 #include "support/expect_throws.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 using Synchronizer = FrameImageSynchronizer<int, std::shared_ptr<int>>;
@@ -273,4 +273,4 @@ TEST(Speeds, RefusesWhatIsNoSpeedWithTheReason) {
 }
 
 }  // namespace
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -7,7 +7,7 @@
 
 #include "ground_scale_vo/ros/conversions.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 constexpr int kImageWidth = 640, kImageHeight = 200;
@@ -122,4 +122,4 @@ TEST(PlaneMarker, LiesOnTheRoadAheadInMetres) {
 }
 
 }  // namespace
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -15,7 +15,7 @@
 
 #include "graph.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// A program started by the test in its own process group, which the destructor kills unless the
 /// program is known to have ended. Records its stdout and stderr.
@@ -80,4 +80,4 @@ class ChildProcess {
   std::optional<int> status_;
 };
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

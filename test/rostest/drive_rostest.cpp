@@ -15,7 +15,7 @@
 #include "ros/odometry_output.hpp"
 #include "support/drive_run.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 /// Sends the drive through the nodelets and through the offline run, and records the results.
@@ -216,4 +216,4 @@ TEST_F(Drive, GroundPointsAreInMetres) {
 }
 
 }  // namespace
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -25,7 +25,7 @@
 #include "ground_scale_vo/ros_tools/node_process.hpp"
 #include "support/sanitizer.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// Longest wait for an event in a rostest [s].
 constexpr double kTimeout = 60.0 * kTimeoutFactor;
@@ -256,4 +256,4 @@ class ManagerClient {
   std::string name_;
 };
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

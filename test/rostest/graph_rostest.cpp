@@ -23,7 +23,7 @@
 #include "simulation/tools/distortion.hpp"
 #include "support/drive_run.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 constexpr double kRadPerDeg = M_PI / 180;
@@ -431,4 +431,4 @@ TEST_F(Graph, TheCameraIsRefinedWhileDriving) {
 }
 
 }  // namespace
-}  // namespace ground_scale_vo
+}  // namespace gsv

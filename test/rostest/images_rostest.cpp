@@ -11,7 +11,7 @@
 
 #include "manager_test.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 /// One pair of nodelets for all tests.
@@ -253,4 +253,4 @@ TEST_F(Images, CompressedOnesAreProcessedAndInvalidOnesDropped) {
 }
 
 }  // namespace
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -11,7 +11,7 @@
 #include "nodelet_pair.hpp"
 #include "ros/odometry_output.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 const char* const kImage = "/camera/image_raw";
@@ -130,4 +130,4 @@ TEST(LaunchFiles, AnotherVoGetsMetricPoses) {
 }
 
 }  // namespace
-}  // namespace ground_scale_vo
+}  // namespace gsv

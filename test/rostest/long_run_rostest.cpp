@@ -16,7 +16,7 @@
 #include "manager_test.hpp"
 #include "support/long_tests.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 constexpr std::int64_t kPeriodNs = 100000000;             // 10 Hz
@@ -141,4 +141,4 @@ TEST_F(LongRun, MemoryIsBoundedAndThePathLengthIsCorrect) {
 }
 
 }  // namespace
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -10,7 +10,7 @@
 
 #include "nodelet_pair.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// Allowed deviation of NodeletPair::displacementRatio() from 1.
 constexpr double kTolerance = 0.05;
@@ -63,4 +63,4 @@ class DriveTest : public ManagerTest {
   static inline std::unique_ptr<RenderedDrive> drive_;
 };
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -8,7 +8,7 @@
 #include "ground_scale_vo/ros/conversions.hpp"
 #include "ros/odometry_output.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 inline geometry_msgs::TransformStamped transformBetween(const std::string& parent,
                                                         const std::string& child,
@@ -40,4 +40,4 @@ inline tf2_msgs::TFMessage tfMessage(const geometry_msgs::TransformStamped& tran
   return message;
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -22,7 +22,7 @@
 #include "simulation/synthetic_drive.hpp"
 #include "support/drive_run.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// The camera messages of a rendered drive; each image is rendered once. change: applied to each
 /// image, may be empty.
@@ -257,4 +257,4 @@ class NodeletPair : public NodeletTopics {
   std::vector<std::string> loaded_;
 };
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -11,7 +11,7 @@
 #include "ground_scale_vo/ros_tools/node_process.hpp"
 #include "manager_test.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 // A camera that is three times too fast.
@@ -116,4 +116,4 @@ TEST_F(Overload, UnloadingIsCleanWhileImagesArrive) {
 }
 
 }  // namespace
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -18,7 +18,7 @@
 #include "mounting.hpp"
 #include "support/road_image.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 constexpr double kCameraHeight = 1.65;                      // [m] for 1 VO unit
@@ -319,4 +319,4 @@ TEST_F(Scale, ImagesAreUsedWhereTheMaskAllowsAndTheirLossIsReported) {
 }
 
 }  // namespace
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -11,7 +11,7 @@
 #include "nodelet_pair.hpp"
 #include "support/long_tests.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 /// What happens in the manager when it receives the signal; kIdle: nodelets without images.
@@ -130,4 +130,4 @@ TEST_F(Shutdown, OfTheWholeLaunch) {
 }
 
 }  // namespace
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -14,7 +14,7 @@
 #include "common/time.hpp"
 #include "manager_test.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 constexpr double kHeightTolerance = 0.03;  // relative
@@ -97,4 +97,4 @@ TEST_F(Speed, ThatIsMissingOrOfAnotherTypeIsReportedAndTheRoadIsMeasured) {
 }
 
 }  // namespace
-}  // namespace ground_scale_vo
+}  // namespace gsv

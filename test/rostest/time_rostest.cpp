@@ -15,7 +15,7 @@
 #include "manager_test.hpp"
 #include "ros/odometry_output.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 /// One pair of nodelets for all tests.
@@ -213,4 +213,4 @@ TEST_F(Time, InvalidStampsAreDroppedAndCounted) {
 }
 
 }  // namespace
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -6,7 +6,7 @@
 
 #include "ground_scale_vo/common/se3.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 TEST(CameraPath, TheTurnOfAChordIsInTheAxesOfItsEnd) {
@@ -37,4 +37,4 @@ TEST(CameraPath, TheNearestCameraIsAtMostTheGivenLengthBack) {
 }
 
 }  // namespace
-}  // namespace ground_scale_vo
+}  // namespace gsv

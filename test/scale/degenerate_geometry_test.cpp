@@ -12,7 +12,7 @@
 #include "scale/scale_filter.hpp"
 #include "support/road_image.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 constexpr double kNotANumber = std::numeric_limits<double>::quiet_NaN();
@@ -148,4 +148,4 @@ TEST(DegenerateTrajectory, SkipsIncrementsThatAreNotFinite) {
 }
 
 }  // namespace
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -12,7 +12,7 @@
 #include "simulation/tools/distortion.hpp"
 #include "support/road_image.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 constexpr double kPriorSigma = 0.012;  // of pitch and roll [rad]
@@ -463,4 +463,4 @@ TEST(DirectPlaneEstimator, PatchesOfARollingShutterAreWarpedWithThePosesOfTheirR
 }
 
 }  // namespace
-}  // namespace ground_scale_vo
+}  // namespace gsv

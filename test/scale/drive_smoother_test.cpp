@@ -11,7 +11,7 @@
 #include "ground_scale_vo/common/error.hpp"
 #include "support/road_scene.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 TEST(DriveSmoother, IsEmptyUnlessTheDriveIsRecorded) {
@@ -205,4 +205,4 @@ TEST(DriveSmoother, ALearnedCameraHeightHoldsForEarlierMaps) {
 }
 
 }  // namespace
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -9,7 +9,7 @@
 
 #include "support/road_scene.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 /// Of a scene, with a chord along the road.
@@ -235,4 +235,4 @@ TEST(GroundPointAggregation, TheWindowIsBounded) {
 }
 
 }  // namespace
-}  // namespace ground_scale_vo
+}  // namespace gsv

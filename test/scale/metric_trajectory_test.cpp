@@ -7,7 +7,7 @@
 #include <random>
 #include <utility>
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 /// Frame i of a camera at 10 Hz.
@@ -567,4 +567,4 @@ TEST(MetricTrajectory, AStandstillThatEndsInANewMapCountsAsUnobserved) {
 }
 
 }  // namespace
-}  // namespace ground_scale_vo
+}  // namespace gsv

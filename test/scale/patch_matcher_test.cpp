@@ -6,7 +6,7 @@
 #include <cmath>
 #include <opencv2/core.hpp>
 
-namespace ground_scale_vo::direct {
+namespace gsv::direct {
 namespace {
 
 const PinholeCamera kCamera{320, 240, 300, 360, 160, 120};
@@ -176,4 +176,4 @@ TEST_F(PatchMatcherTest, NoiseDoesNotLowerTheCorrelation) {
 }
 
 }  // namespace
-}  // namespace ground_scale_vo::direct
+}  // namespace gsv::direct

@@ -7,7 +7,7 @@
 
 #include "support/learned_height.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 std::int64_t ns(double seconds) { return std::llround(1e9 * seconds); }
@@ -139,4 +139,4 @@ TEST(CameraHeight, AnImplausibleOneIsNamedWithBothNumbers) {
 }
 
 }  // namespace
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -6,7 +6,7 @@
 #include <random>
 #include <utility>
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 /// Portable random numbers; gauss() is approximately standard normal.
@@ -265,4 +265,4 @@ TEST(PlaneFit, TheHomogeneousFitRejectsOutliers) {
 }
 
 }  // namespace
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -8,7 +8,7 @@
 #include "scale/camera_path.hpp"
 #include "support/road_scene.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 constexpr double kCameraHeight = 2;  // [VO units]
@@ -186,4 +186,4 @@ TEST(Mounting, SteepAndNoMotionDoNotUpdate) {
 }
 
 }  // namespace
-}  // namespace ground_scale_vo
+}  // namespace gsv

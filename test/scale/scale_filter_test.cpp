@@ -6,7 +6,7 @@
 #include <random>
 #include <utility>
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 constexpr double kRoadDistance = 5;  ///< of the measured road [VO units]
@@ -320,4 +320,4 @@ TEST(ScaleFilter, SigmaIsScaledByTheNis) {
 }
 
 }  // namespace
-}  // namespace ground_scale_vo
+}  // namespace gsv

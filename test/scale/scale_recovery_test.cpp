@@ -11,7 +11,7 @@
 #include "support/expect_throws.hpp"
 #include "support/road_image.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 RoadScene pitchedRoad() {
@@ -510,4 +510,4 @@ TEST(ScaleRecovery, OptionsThatContradictEachOtherAreNamed) {
 }
 
 }  // namespace
-}  // namespace ground_scale_vo
+}  // namespace gsv

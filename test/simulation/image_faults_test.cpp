@@ -4,7 +4,7 @@
 
 #include "simulation/synthetic_drive.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 bool same(const cv::Mat& a, const cv::Mat& b) {
@@ -28,4 +28,4 @@ TEST(ImageFaults, ActInTheirFramesOfADrive) {
 }
 
 }  // namespace
-}  // namespace ground_scale_vo
+}  // namespace gsv

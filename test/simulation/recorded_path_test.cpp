@@ -11,7 +11,7 @@
 #include "ground_scale_vo/common/error.hpp"
 #include "simulation/synthetic_drive.hpp"
 
-namespace ground_scale_vo::simulation {
+namespace gsv::simulation {
 namespace {
 
 using Positions = std::vector<Eigen::Vector3d>;  // x right, y down, z forward [m]
@@ -127,4 +127,4 @@ TEST(RecordedDrive, TheCameraFollowsThePositions) {
 }
 
 }  // namespace
-}  // namespace ground_scale_vo::simulation
+}  // namespace gsv::simulation

@@ -4,7 +4,7 @@
 
 #include "simulation/synthetic_drive.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 using Options = SyntheticDrive::Options;
@@ -48,4 +48,4 @@ TEST(RollingShutter, ExposesEachRowAtItsOwnTime) {
 }
 
 }  // namespace
-}  // namespace ground_scale_vo
+}  // namespace gsv

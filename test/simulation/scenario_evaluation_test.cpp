@@ -4,7 +4,7 @@
 
 #include <cmath>
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 using Metrics = ScenarioMetrics;
@@ -120,4 +120,4 @@ TEST(ScenarioEvaluation, DescribesTheReactionToAFault) {
 }
 
 }  // namespace
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -10,7 +10,7 @@
 
 #include "simulation/scenarios.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 using Options = SyntheticDrive::Options;
@@ -190,4 +190,4 @@ INSTANTIATE_TEST_SUITE_P(RecordedPath, SyntheticRoad,
                          testing::Values(Place{70, 0.06, 0.3, 0.25, nullptr, true}));
 
 }  // namespace
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -2,7 +2,7 @@
 
 #include "input/camera_info.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// Without distortion, the same intrinsics in K and P.
 inline CameraInfo cameraInfo(const PinholeCamera& c) {
@@ -17,4 +17,4 @@ inline CameraInfo cameraInfo(const PinholeCamera& c) {
   return info;
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

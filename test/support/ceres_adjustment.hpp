@@ -12,7 +12,7 @@
 #include "support/scene.hpp"
 #include "vo/bundle_adjustment.hpp"
 
-namespace ground_scale_vo::test {
+namespace gsv::test {
 
 // As in BundleAdjustment: least ratio of the depth in the observer to that in the anchor, and
 // least number of landmarks.
@@ -136,4 +136,4 @@ inline bool adjustWithCeres(int adjusted_keyframes, LocalMap* map) {
   return true;
 }
 
-}  // namespace ground_scale_vo::test
+}  // namespace gsv::test

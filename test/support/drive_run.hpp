@@ -7,7 +7,7 @@
 #include "simulation/synthetic_drive.hpp"
 #include "support/sanitizer.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// Default options except for the camera height [m].
 inline OfflineRun::Options optionsFor(double camera_height) {
@@ -74,4 +74,4 @@ inline double distanceBetween(const Eigen::Isometry3d& a, const Eigen::Isometry3
   return (b.translation() - a.translation()).norm();
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -4,7 +4,7 @@
 
 #include <string>
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// Expects that the action throws an Error whose message contains the text.
 template <typename Error, typename Action>
@@ -18,4 +18,4 @@ void expectThrows(const Action& action, const std::string& text) {
   }
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

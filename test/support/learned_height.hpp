@@ -2,7 +2,7 @@
 
 #include "ground_scale_vo/scale/scale_estimate.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// An estimate with the camera height and its standard deviation [m] that follow from speeds.
 inline ScaleEstimate learned(double height, double sigma) {
@@ -12,4 +12,4 @@ inline ScaleEstimate learned(double height, double sigma) {
   return scale;
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -2,10 +2,10 @@
 
 #include <cstdlib>
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// True while `scripts/test --long` runs the long tests: the drives that do not run by default, or
 /// the same tests for longer.
 inline bool runsLongTests() { return std::getenv("GROUND_SCALE_VO_LONG") != nullptr; }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

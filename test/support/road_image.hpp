@@ -8,7 +8,7 @@
 
 #include "support/road_scene.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// Value noise in [-1, 1] whose lattice has a spacing of `size`; deterministic in x, z and seed.
 inline double smoothNoise(double x, double z, double size, std::uint64_t seed) {
@@ -59,4 +59,4 @@ inline cv::Mat roadImage(const RoadScene& scene, double at,
   return image;
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

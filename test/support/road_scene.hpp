@@ -10,7 +10,7 @@
 #include "ground_scale_vo/vo/vo_frame.hpp"
 #include "scale/road.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// A flat road with map points and a camera that drives straight over it: exact VoFrames in any VO
 /// unit.
@@ -120,4 +120,4 @@ inline RoadPrior priorOf(const RoadScene& scene, double sigma = 0.01) {
   return prior;
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

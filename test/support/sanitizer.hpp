@@ -1,6 +1,6 @@
 #pragma once
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// True in a build with the address or the thread sanitizer. Such builds need more memory and time:
 /// tests skip memory limits and multiply timeouts by kTimeoutFactor.
@@ -18,4 +18,4 @@ constexpr bool kSanitized = false;
 
 constexpr double kTimeoutFactor = kSanitized ? 10 : 1;
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -7,7 +7,7 @@
 #include "ground_scale_vo/input/camera.hpp"
 #include "vo/map.hpp"
 
-namespace ground_scale_vo::test {
+namespace gsv::test {
 
 inline PinholeCamera testCamera() { return {800, 248, 464, 464, 391, 119}; }
 inline const PinholeCamera kCamera = testCamera();
@@ -86,4 +86,4 @@ inline std::vector<Observation> observe(const std::vector<Eigen::Vector3d>& poin
   return corners;
 }
 
-}  // namespace ground_scale_vo::test
+}  // namespace gsv::test

@@ -12,7 +12,7 @@
 
 #include "ground_scale_vo/common/error.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// Fixture with a temporary folder for each test.
 class TemporaryFolder : public ::testing::Test {
@@ -81,4 +81,4 @@ inline std::filesystem::path dataPath(const std::string& name) {
   return std::filesystem::exists(path) ? path : "";
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -6,7 +6,7 @@
 #include <opencv2/imgproc.hpp>
 #include <vector>
 
-namespace ground_scale_vo::test {
+namespace gsv::test {
 
 /// Blurred noise over the full range of grey levels.
 inline cv::Mat blurredNoise(std::uint64_t seed, cv::Size size = {800, 248}, double blur_px = 2) {
@@ -52,4 +52,4 @@ inline std::vector<cv::Point2f> gridPixels(const cv::Size& size, int border, int
   return points;
 }
 
-}  // namespace ground_scale_vo::test
+}  // namespace gsv::test

@@ -9,7 +9,7 @@
 #include "vo/map.hpp"
 #include "vo/motion.hpp"
 
-namespace ground_scale_vo::test {
+namespace gsv::test {
 
 constexpr double kWallDistance = 20;  // from the camera v [VO units]
 
@@ -55,4 +55,4 @@ inline MotionModel motionTo(const Eigen::Isometry3d& T_w_v, const Eigen::Vector3
   return motion;
 }
 
-}  // namespace ground_scale_vo::test
+}  // namespace gsv::test

@@ -12,7 +12,7 @@
 #include "vo/feature.hpp"
 #include "vo/lucas_kanade.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 using test::kCamera;
@@ -180,4 +180,4 @@ TEST_F(ReferenceAlignmentTest, UsesNoKeyframeFromMuchNearerOrFartherAway) {
 }
 
 }  // namespace
-}  // namespace ground_scale_vo
+}  // namespace gsv

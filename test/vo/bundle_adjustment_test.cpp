@@ -9,7 +9,7 @@
 #include "support/ceres_adjustment.hpp"
 #include "support/scene.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 using test::angleBetween;
@@ -241,4 +241,4 @@ TEST(BundleAdjustment, IsNotUsableWithInputThatIsNotFinite) {
 }
 
 }  // namespace
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -17,7 +17,7 @@
 #include "vo/pose.hpp"
 #include "vo/two_view.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 using test::normalised;
@@ -195,4 +195,4 @@ TEST(DegenerateGeometry, UnusablePointsAreDetected) {
 }
 
 }  // namespace
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -7,7 +7,7 @@
 
 #include "support/texture.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 const cv::Size kSize(400, 248);
@@ -51,4 +51,4 @@ TEST(DescriptorMatching, DescriptorsDoNotDependOnMaskedPixels) {
 }
 
 }  // namespace
-}  // namespace ground_scale_vo
+}  // namespace gsv

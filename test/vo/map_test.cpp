@@ -9,7 +9,7 @@
 #include "support/scene.hpp"
 #include "vo/mapping.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 using test::keyframePose;
@@ -139,4 +139,4 @@ TEST(Mapping, KeyframesAtOnePlaceReplaceEachOther) {
 }
 
 }  // namespace
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -6,7 +6,7 @@
 
 #include "ground_scale_vo/common/se3.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 const PinholeCamera kRollingCamera{640, 480, 400, 400, 320, 240};
@@ -75,4 +75,4 @@ TEST(RollingShutter, FlowIsCorrectedForTheRows) {
 }
 
 }  // namespace
-}  // namespace ground_scale_vo
+}  // namespace gsv

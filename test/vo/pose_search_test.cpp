@@ -9,7 +9,7 @@
 #include "vo/descriptors.hpp"
 #include "vo/recovery.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 using test::kCamera;
@@ -177,4 +177,4 @@ TEST_F(RepetitiveWall, IsMatchedNearThePrediction) {
 }
 
 }  // namespace
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -6,7 +6,7 @@
 
 #include "support/scene.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 using test::angleBetween;
@@ -152,4 +152,4 @@ TEST(PoseEstimation, ReportsWhenThereIsNoPose) {
 }
 
 }  // namespace
-}  // namespace ground_scale_vo
+}  // namespace gsv

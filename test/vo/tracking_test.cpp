@@ -13,7 +13,7 @@
 #include "vo/corners.hpp"
 #include "vo/lucas_kanade.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 using test::blurredNoise;
@@ -255,4 +255,4 @@ TEST(LucasKanade, TracksPatchesEverywhereInAnImage) {
 }
 
 }  // namespace
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -9,7 +9,7 @@
 
 #include "support/scene.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 using test::angleBetween;
@@ -52,7 +52,7 @@ std::optional<TwoViewMotion> estimate(const Views& views) {
   return estimateMotion(testCamera(), views.u1, views.u2);
 }
 RelativeRotation estimateRotation(const Views& views) {
-  return ground_scale_vo::estimateRotation(testCamera(), views.u1, views.u2);
+  return gsv::estimateRotation(testCamera(), views.u1, views.u2);
 }
 
 bool isKnown(const RelativeRotation& rotation) { return std::isfinite(rotation.sigma); }
@@ -188,4 +188,4 @@ TEST(TwoView, EstimatesTheRotationWithAndWithoutParallax) {
 }
 
 }  // namespace
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -12,7 +12,7 @@
 #include "support/drive_run.hpp"
 #include "support/scene.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 using test::angleBetween;
@@ -445,4 +445,4 @@ TEST(VisualOdometry, RejectsWrongImagesAndOptions) {
 }
 
 }  // namespace
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -10,7 +10,7 @@
 #include "ground_scale_vo/lens/lens_estimator.hpp"
 #include "ground_scale_vo/vo/visual_odometry.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// A drive that can be read several times: calls its argument with each image (8-bit grey) and its
 /// stamp [ns], in order of time.
@@ -79,4 +79,4 @@ std::string lensTable(const LensCalibration::Result& result);
 /// estimate.
 cv::Mat drawResiduals(const LensEstimator::Result& drive, const PinholeCamera& camera);
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -4,7 +4,7 @@
 #include <stdexcept>
 #include <string>
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// Input data or an output file cannot be used. what() is the reason; for a file or folder it
 /// begins with its name (and the line). Of encoded bytes (decodePixels()) the caller adds the
@@ -30,4 +30,4 @@ inline void requireInRange(const char* option, double value, double min, double 
   throw OptionError(sentence.str());
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -7,7 +7,7 @@
 #include <type_traits>
 #include <vector>
 
-namespace ground_scale_vo {
+namespace gsv {
 
 constexpr double kPi = 3.14159265358979323846;
 constexpr double kDegreesPerRadian = 180 / kPi;
@@ -57,4 +57,4 @@ bool isPlausiblePosition(const Eigen::MatrixBase<Derived>& coordinates) {
       .all();
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -7,7 +7,7 @@
 
 #include "ground_scale_vo/common/error.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 // Every Options struct lists its fields once:
 //
@@ -92,4 +92,4 @@ void setOption(Options& options, const std::string& assignment) {
   if (!is_found) failAsUnknownOption(wanted, known);
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <cstdint>
 
-namespace ground_scale_vo {
+namespace gsv {
 
 // Small motions of a pose are 6-vectors (w, v): w [rad] is a rotation vector (axis times angle), v
 // a translation. Both are in the axes of the frame that moves, and translation is not coupled to
@@ -83,4 +83,4 @@ inline Matrix6d adjoint(const Eigen::Isometry3d& T_a_b) {
   return m;
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

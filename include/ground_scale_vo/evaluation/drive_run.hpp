@@ -11,7 +11,7 @@
 #include "ground_scale_vo/lens/lens.hpp"
 #include "ground_scale_vo/metric_odometry.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// The odometry of a drive, without ROS.
 struct DriveRun {
@@ -62,4 +62,4 @@ std::string resultName(const std::string& drive);
 void writeRun(const std::filesystem::path& folder, const DriveRun& run, double camera_height,
               const GroundTruth& truth);
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

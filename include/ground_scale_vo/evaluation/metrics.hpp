@@ -10,7 +10,7 @@
 #include "ground_scale_vo/common/se3.hpp"
 #include "ground_scale_vo/evaluation/run_record.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// Errors of an estimated trajectory against ground truth, both T_c0_ci in metres, one pose per
 /// frame.
@@ -141,4 +141,4 @@ CovarianceMetrics computeCovarianceMetrics(const RunRecord& record,
                                            const std::vector<Eigen::Isometry3d>& ground_truth,
                                            const GroundTruthAccuracy& accuracy = {});
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -9,7 +9,7 @@
 
 #include "ground_scale_vo/evaluation/run_record.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// The progress of a command on stderr: on a terminal one line that is rewritten a few times a
 /// second, elsewhere (in a log) a new line every ten seconds. Thread-safe.
@@ -52,4 +52,4 @@ class RunProgress {
   Eigen::Vector3d position_ = Eigen::Vector3d::Zero();
 };
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -11,7 +11,7 @@
 #include "ground_scale_vo/common/se3.hpp"
 #include "ground_scale_vo/metric_odometry.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// The results of one input frame at the end of a run.
 struct RunFrame {
@@ -111,4 +111,4 @@ class OfflineRun {
   MetricOdometry::Output last_;
 };
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -7,7 +7,7 @@
 
 #include "ground_scale_vo/evaluation/run_record.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// The metrics of a run as one JSON object, null for missing values:
 ///   frames, tracked_frames, lost_events, backfilled_frames, camera_height_m [m]; smoothed: whether
@@ -46,4 +46,4 @@ void writeRun(const std::filesystem::path& folder, const RunRecord& record, doub
               const std::vector<Eigen::Isometry3d>& ground_truth,
               const std::vector<double>& ground_truth_heights = {});
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// Largest side [px] and number of pixels of an image; a larger one is an error of the sender. The
 /// limits keep products of sizes within their types and an 8-bit grey image within 100 MB.
@@ -116,4 +116,4 @@ PinholeCamera pinholeOf(const CameraCalibration& calibration);
 std::string checkCalibration(const CameraCalibration& calibration, const std::string& source,
                              const cv::Size& images);
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

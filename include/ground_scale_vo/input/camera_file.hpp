@@ -5,7 +5,7 @@
 
 #include "ground_scale_vo/input/camera.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// Reads the calibration of a camera. Formats, told apart by their keys:
 ///  - YAML of ROS' camera_calibration, also with camera_model in place of distortion_model, and
@@ -29,4 +29,4 @@ CameraCalibration readKittiProjection(const std::filesystem::path& file, const s
 /// YAML of camera_calibration. comment: lines for its head, without '#'.
 std::string cameraYaml(const CameraCalibration& camera, const std::string& comment);
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

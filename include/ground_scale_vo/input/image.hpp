@@ -9,7 +9,7 @@
 
 #include "ground_scale_vo/input/camera.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// Pixels as a sensor_msgs/Image stores them, with its field names. Does not own the data.
 struct RawImage {
@@ -103,4 +103,4 @@ class Undistortion {
   cv::Mat map1_, map2_, mask_;
 };
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

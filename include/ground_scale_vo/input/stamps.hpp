@@ -6,7 +6,7 @@
 #include <optional>
 #include <string>
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// Passes on the messages of a stream whose stamps [ns] can be used, in the order of arrival: the
 /// images of every door, vo/frame in ScaleRecovery.
@@ -48,4 +48,4 @@ class StampFilter {
   std::string held_reason_;  ///< why it is dropped unless the next stamp confirms it
 };
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

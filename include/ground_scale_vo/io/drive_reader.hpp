@@ -15,7 +15,7 @@
 #include "ground_scale_vo/input/image.hpp"
 #include "ground_scale_vo/input/stamps.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// An image as it is stored.
 struct StoredImage {
@@ -154,4 +154,4 @@ void requireNoBag(const std::filesystem::path& path);
 /// Throws DataError, and OptionError: a calibration is missing.
 std::unique_ptr<DriveReader> openDrive(const DriveInput& input, GroundTruth* truth = nullptr);
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

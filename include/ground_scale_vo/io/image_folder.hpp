@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// Files in the order of the numbers in their names, such as frame7.png, frame12.png.
 struct NumberedFiles {
@@ -37,4 +37,4 @@ std::vector<std::int64_t> readImageStamps(const std::filesystem::path& file,
 /// [s] In 1985: later stamps are times since 1970, earlier ones times since the start of a drive.
 constexpr double kEarliestEpoch = 5e8;
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

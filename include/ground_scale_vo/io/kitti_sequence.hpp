@@ -10,7 +10,7 @@
 #include "ground_scale_vo/input/camera.hpp"
 #include "ground_scale_vo/io/image_folder.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// A folder of images with calibration, stamps and, where it exists, ground truth. Two layouts are
 /// supported:
@@ -79,4 +79,4 @@ class KittiSequence {
   std::vector<double> ground_truth_heights_;
 };
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -2,7 +2,7 @@
 
 #include <sys/types.h>
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// Resources that a process has used so far.
 struct ProcessUsage {
@@ -17,4 +17,4 @@ ProcessUsage processUsage(pid_t pid = 0);
 /// Processor time of the calling thread so far [ms].
 double threadCpuMs();
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

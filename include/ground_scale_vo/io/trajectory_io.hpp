@@ -9,7 +9,7 @@
 
 #include "ground_scale_vo/common/se3.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// The rotation nearest to m (least squares). Precondition: det(m) > 0.
 Eigen::Matrix3d nearestRotation(const Eigen::Matrix3d& m);
@@ -33,4 +33,4 @@ void writeTumTrajectory(const std::filesystem::path& file, const std::vector<Sta
 /// same in every locale.
 std::ostringstream csvStream(const std::string& heading);
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -5,7 +5,7 @@
 
 #include "ground_scale_vo/input/camera.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// A pinhole camera with the distortion model plumb_bob of OpenCV and ROS (Brown-Conrady), or with
 /// another model and, after that, what it has left of the distortion: in the formulas of plumb_bob
@@ -69,4 +69,4 @@ Lens boxplus(const Lens& lens, const LensVector& delta);
 /// The inverse: a = boxplus(b, boxminus(a, b)) for lenses that differ in these parameters only.
 LensVector boxminus(const Lens& a, const Lens& b);
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

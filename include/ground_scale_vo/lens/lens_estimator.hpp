@@ -11,7 +11,7 @@
 #include "ground_scale_vo/lens/lens.hpp"
 #include "ground_scale_vo/vo/vo_frame.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 class LensSegment;
 struct TrackNoise;
@@ -121,4 +121,4 @@ VoFrame withDistortedFeatures(VoFrame frame, const Lens& lens);
 
 const char* toString(LensEstimator::Status status);  ///< "ok", "too few", "unobservable"
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

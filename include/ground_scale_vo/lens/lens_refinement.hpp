@@ -8,7 +8,7 @@
 #include "ground_scale_vo/common/options.hpp"
 #include "ground_scale_vo/lens/lens_estimator.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// Estimates the lens while driving, on a second thread, and decides when a change of the lens
 /// improves the odometry.
@@ -48,4 +48,4 @@ class LensRefinement {
   int frames_since_start_ = 0;  ///< of the pending estimate
 };
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -2,6 +2,8 @@
 
 #include <geometry_msgs/Pose.h>
 #include <geometry_msgs/Transform.h>
+#include <ground_scale_vo/ScaleEstimate.h>
+#include <ground_scale_vo/VoFrame.h>
 #include <nav_msgs/Odometry.h>
 #include <ros/time.h>
 #include <sensor_msgs/CameraInfo.h>
@@ -19,19 +21,11 @@
 #include "ground_scale_vo/scale/scale_estimate.hpp"
 #include "ground_scale_vo/vo/vo_frame.hpp"
 
-// The package's messages and the core's types have the same names in the same namespace. The names
-// that the generated headers define are therefore given the ending Msg here; include this header
-// instead of the generated ones.
-#define VoFrame VoFrameMsg
-#define ScaleEstimate ScaleEstimateMsg
-#include <ground_scale_vo/ScaleEstimate.h>
-#include <ground_scale_vo/VoFrame.h>
-#undef VoFrame
-#undef ScaleEstimate
-
 // Conversions between messages and the types of the core.
-namespace ground_scale_vo {
+namespace gsv {
 
+using VoFrameMsg = ground_scale_vo::VoFrame;
+using ScaleEstimateMsg = ground_scale_vo::ScaleEstimate;
 struct CameraInfo;  // input/camera_info.hpp
 
 inline std::int64_t toNanoseconds(const ros::Time& stamp) {
@@ -89,4 +83,4 @@ cv::Mat decode(const sensor_msgs::CompressedImage& image);
 sensor_msgs::CameraInfo toCameraInfo(const CameraCalibration& calibration);
 sensor_msgs::CameraInfo toCameraInfo(const PinholeCamera& camera);
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

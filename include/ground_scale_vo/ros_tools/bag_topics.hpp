@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// Images of the left grey camera in a bag of kitti2bag: of an odometry sequence (and of
 /// kitti_to_bag), of a raw drive, and of either in bags of an older branch.
@@ -30,4 +30,4 @@ void openBag(const std::string& file, rosbag::Bag* bag);
 /// Why a bag cannot be read, in one sentence that says what to do.
 std::string unreadableBag(const std::string& file, const std::exception& error);
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

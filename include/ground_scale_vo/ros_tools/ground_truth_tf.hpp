@@ -9,7 +9,7 @@
 #include <optional>
 #include <string>
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// Ground-truth poses from the tf messages of a bag: of kitti_to_bag (ground_truth ->
 /// ground_truth/<camera>), of kitti2bag (world -> camera_left, the camera camera_gray_left; world
@@ -36,4 +36,4 @@ class GroundTruthTf {
   mutable tf2::BufferCore buffer_;
 };
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -6,7 +6,7 @@
 #include <optional>
 #include <string>
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// Result of a method of the slave API of a ROS node that takes no further argument, such as
 /// getBusInfo; empty if the node is not registered or its process is gone. Blocks while the process
@@ -17,4 +17,4 @@ std::optional<XmlRpc::XmlRpcValue> callNode(const std::string& node, const std::
 /// is gone. Blocks like callNode(). Meaningful on the machine of the node only.
 std::optional<pid_t> processOf(const std::string& node);
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

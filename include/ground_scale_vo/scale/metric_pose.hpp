@@ -4,7 +4,7 @@
 
 #include "ground_scale_vo/common/se3.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// Camera pose in metres. The odometry frame o has the axes of the camera (x right, y down, z
 /// forward). Its origin is the first frame of the first map with a scale. Its axes are the axes of
@@ -23,4 +23,4 @@ struct MetricPose {
   double distance = 0;  ///< travelled so far [m]
 };
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -3,7 +3,7 @@
 #include <Eigen/Core>
 #include <cstdint>
 
-namespace ground_scale_vo {
+namespace gsv {
 
 enum class ScaleStatus : std::uint8_t {
   kUnknown = 0,  ///< not known yet: there is no metric pose
@@ -80,4 +80,4 @@ const char* toString(ScaleSource source);        ///< "none", "road", "speed", "
 const char* toString(ScaleStatus status);        ///< "unknown", "ok", "held"
 const char* toString(MeasurementStatus status);  ///< "none", "vo_not_tracking", ...
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -4,7 +4,7 @@
 
 #include "ground_scale_vo/common/options.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 // The options of ScaleRecovery and its stages. Lengths ending in _heights are in camera heights.
 // Their ranges are checked once, by ScaleRecoveryOptions::validate().
@@ -288,4 +288,4 @@ struct ScaleRecoveryOptions {
   void requireSmoothable() const;
 };
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -14,7 +14,7 @@
 #include "ground_scale_vo/scale/speed.hpp"
 #include "ground_scale_vo/vo/vo_frame.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// The paper's GPE-GPA thread, extended by direct measurements: takes the VO's frames and images,
 /// returns the scale s = h*/h and the metric pose.
@@ -91,4 +91,4 @@ class ScaleRecovery {
   std::unique_ptr<Impl> impl_;
 };
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -2,7 +2,7 @@
 
 #include <cstdint>
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// Speed of the vehicle at one instant, of a wheel odometry, CAN bus or GPS.
 struct SpeedSample {
@@ -11,4 +11,4 @@ struct SpeedSample {
   double sigma = 0;           ///< standard deviation [m/s]; 0: not known
 };
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -8,7 +8,7 @@
 #include "ground_scale_vo/vo/vo_frame.hpp"
 #include "ground_scale_vo/vo/vo_options.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// A feature that was not found in this frame, or was removed from it as an outlier.
 struct RejectedFeature {
@@ -63,4 +63,4 @@ class VisualOdometry {
   std::unique_ptr<Impl> impl_;
 };
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

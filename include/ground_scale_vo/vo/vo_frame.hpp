@@ -9,7 +9,7 @@
 #include "ground_scale_vo/common/se3.hpp"
 #include "ground_scale_vo/input/camera.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 enum class VoStatus : std::uint8_t { kInitialising = 0, kTracking = 1, kLost = 2 };
 
@@ -94,4 +94,4 @@ struct VoFrame {
   std::vector<TrackedFeature> features;  ///< ordered by id
 };
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

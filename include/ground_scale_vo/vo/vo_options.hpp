@@ -2,7 +2,7 @@
 
 #include "ground_scale_vo/common/options.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// Options of VisualOdometry. Its other parameters are constants beside the code that uses them.
 struct OdometryOptions {
@@ -40,4 +40,4 @@ struct OdometryOptions {
   void validate() const { requireInRanges(*this); }
 };
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

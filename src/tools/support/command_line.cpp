@@ -8,7 +8,7 @@
 #include <exception>
 #include <utility>
 
-namespace ground_scale_vo {
+namespace gsv {
 namespace {
 
 constexpr unsigned kLineLength = 100;
@@ -119,4 +119,4 @@ int CommandLine::run(int argc, char** argv, const std::function<void()>& check,
   }
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

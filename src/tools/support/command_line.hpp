@@ -10,7 +10,7 @@
 
 #include "ground_scale_vo/common/error.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 namespace po = boost::program_options;
 
@@ -86,4 +86,4 @@ po::typed_value<Number>* numberInRange(const std::string& option, Number* target
   });
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

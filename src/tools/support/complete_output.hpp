@@ -6,7 +6,7 @@
 #include <string>
 #include <system_error>
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// Calls write(PATH) with a temporary name beside the target, and gives what it wrote, a file or a
 /// folder, the name of the target, so that this is complete or missing.
@@ -23,4 +23,4 @@ void writeCompletely(const std::filesystem::path& target, const Write& write) {
   }
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

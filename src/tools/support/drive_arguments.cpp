@@ -3,7 +3,7 @@
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/options.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 void DriveArguments::addTo(CommandLine* command_line, const std::string& out_help) {
   constexpr double kMaxRate = 1000;
@@ -51,4 +51,4 @@ void DriveArguments::check() {
   options.validate();
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

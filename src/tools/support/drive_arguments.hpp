@@ -6,7 +6,7 @@
 #include "command_line.hpp"
 #include "ground_scale_vo/evaluation/drive_run.hpp"
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// The arguments of the tools that run the odometry over a drive: SEQ, --camera-height, --out,
 /// --options, --set, --camera, --mask, --fps and --unrectified.
@@ -25,4 +25,4 @@ struct DriveArguments {
   void check();
 };
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

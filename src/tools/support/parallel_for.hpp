@@ -5,7 +5,7 @@
 #include <future>
 #include <vector>
 
-namespace ground_scale_vo {
+namespace gsv {
 
 /// Calls work(i) for i = 0 ... count - 1 on `threads` threads. After an exception of work no
 /// further call begins, and one of the exceptions is rethrown.
@@ -26,4 +26,4 @@ void parallelFor(std::size_t count, int threads, const Work& work) {
   for (std::future<void>& worker : workers) worker.get();
 }
 
-}  // namespace ground_scale_vo
+}  // namespace gsv

@@ -50,10 +50,18 @@ gsv_builds_here() { [[ $gsv_space == "$gsv_build_folder/devel" ]]; }
 # catkin needs the system's Python, not one of pyenv or conda.
 PATH=/usr/bin:/bin:$PATH
 
-# Noetic is installed in /opt/ros; on Debian that folder does not exist and nothing is sourced.
+# Prints the folder of ROS 1 outside of Debian's packages, such as Noetic or ROS One, whose catkin tells it from ROS 2:
+# the sourced one, else noetic, else any other in /opt/ros.
+gsv_distribution() {
+  local folder
+  for folder in "${gsv_opt_ros:-/opt/ros}"/{"${ROS_DISTRO:-noetic}",noetic,*}; do
+    [[ ! -f $folder/setup.bash || ! -d $folder/share/catkin ]] || { echo "$folder" && return; }
+  done
+}
 gsv_source_distribution() {
-  local distribution=/opt/ros/${ROS_DISTRO:-noetic}
-  [[ -z ${ROS_ROOT:-} && -f $distribution/setup.bash ]] || return 0
+  local distribution
+  distribution=$(gsv_distribution)
+  [[ -z ${ROS_ROOT:-} && $distribution ]] || return 0
   gsv_source "$distribution/setup.bash"
 }
 # gsv_source FILE: a setup script of ROS, which would fail under `set -u` and `set -e`.
@@ -74,7 +82,7 @@ gsv_packages() {
 }
 
 gsv_setup() {
-  if [[ -d /opt/ros/${ROS_DISTRO:-noetic} ]]; then
+  if [[ $(gsv_distribution) ]]; then # never together with Debian's packages of ROS
     gsv_source_distribution
     return 0 # the user installs the dependencies: rosdep install --from-paths . --ignore-src
   fi

@@ -28,7 +28,7 @@ gsv_sanitizers() {
   export TSAN_OPTIONS=$log:suppressions=$suppressions/thread.supp:exitcode=0
 
   local program
-  for program in /opt/ros/"${ROS_DISTRO:-noetic}"/lib/nodelet/nodelet /usr/lib/nodelet/nodelet; do
+  for program in "$(gsv_distribution)"/lib/nodelet/nodelet /usr/lib/nodelet/nodelet; do
     [[ ! -x $program ]] || break
   done
   # A loader (`nodelet load`) contains no code of this package.

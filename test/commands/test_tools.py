@@ -25,6 +25,21 @@ def test_python_of_the_system():
     assert first_lines == {"#!/usr/bin/env bash", "#!/usr/bin/python3"}
 
 
+@pytest.mark.parametrize("distribution, installed, found", [
+    ("", {"one": "catkin"}, "one"),  # ROS One, not sourced
+    ("", {"humble": "", "noetic": "catkin", "one": "catkin"}, "noetic"),
+    ("one", {"noetic": "catkin", "one": "catkin"}, "one"),
+    ("humble", {"humble": "", "one": "catkin"}, "one"),  # ROS 2 is sourced
+    ("humble", {"humble": ""}, None)])
+def test_ros_1_is_found(tmp_path, distribution, installed, found):
+    for name, build_system in installed.items():
+        (tmp_path / name / "share" / build_system).mkdir(parents=True)
+        (tmp_path / name / "setup.bash").write_text(f"sourced={name}\n")
+    script = f"unset ROS_ROOT; source {SCRIPTS}/lib/environment.sh; gsv_source_distribution; echo $sourced"
+    environment = {**os.environ, "ROS_DISTRO": distribution, "gsv_opt_ros": str(tmp_path)}
+    assert run("bash", "-euc", f"sourced=; {script}", env=environment).stdout.strip() == (found or "")
+
+
 @pytest.mark.parametrize("name", [*TOOLS, "demo", "evaluate", "package", "report"])
 def test_help_and_unknown_option(name):
     assert name in run(command(name), "--help").stdout.split("\n\n")[0]

@@ -70,6 +70,7 @@ def parse():
                         help="image of the size of the bag's images, black where they never show the scene (hood, watermark)")
     parser.add_argument("--base-frame", default="", metavar="FRAME",
                         help="frame whose pose is published (default: the image's frame)")
+    parser.add_argument("--yes", action="store_true", help="install missing packages without a question")
     arguments = parser.parse_args()
     check(parser, arguments)
     return arguments
@@ -209,6 +210,8 @@ def play(bags, results, arguments):
 
 def main():
     arguments = parse()
+    if arguments.yes:
+        os.environ["GROUND_SCALE_VO_YES"] = "1"
     tools = build(*TARGETS, packages=["rviz"])  # documented commands use it, too
     results, bags = arguments.out / arguments.name, arguments.bag
     for name in ("metrics.json", "recorded.bag", "roslaunch.log"):

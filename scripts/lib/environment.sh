@@ -111,12 +111,20 @@ gsv_setup() {
   fi
   local log
   log=$(mktemp "${TMPDIR:-/tmp}/ground_scale_vo_setup.XXXXXX.log")
-  echo "set-up: installing ${#missing[@]} packages with apt (log: $log)" >&2
-  local apt=("${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get -o DPkg::Lock::Timeout=600)
-  local install=("${apt[@]}" install -y --no-install-recommends "${missing[@]}")
+  local apt=("${as_root[@]}" env DEBIAN_FRONTEND=noninteractive LC_ALL=C apt-get -o DPkg::Lock::Timeout=600)
+  local install=("${apt[@]}" install --no-install-recommends "${missing[@]}")
   # The package lists are refreshed only when they are missing or out of date.
-  if ! "${install[@]}" >"$log" 2>&1; then
-    if ! { "${apt[@]}" update && "${install[@]}"; } >>"$log" 2>&1; then
+  "${install[@]}" --dry-run >/dev/null 2>&1 || "${apt[@]}" update >"$log" 2>&1 || true
+  local sizes # "Need to get ...", "After this operation, ..."
+  sizes=$("${install[@]}" --assume-no 2>/dev/null | grep -E '^(Need|After)' | paste -sd ' ') || true
+  echo "set-up: installing ${#missing[@]} packages with apt (log: $log). $sizes" >&2
+  if [[ -t 0 && -t 2 && ! ${GROUND_SCALE_VO_YES:-} ]]; then
+    local answer
+    read -r -p 'set-up: continue? [Y/n] ' answer
+    [[ ! $answer =~ ^[nN] ]] || return 1
+  fi
+  if ! "${install[@]}" -y >>"$log" 2>&1; then
+    if ! { "${apt[@]}" update && "${install[@]}" -y; } >>"$log" 2>&1; then
       echo "set-up: apt could not install ${missing[*]}; see $log:" >&2
       grep -E '^E: ' "$log" | tail -n 3 >&2
       return 1

@@ -120,9 +120,10 @@ def roslaunch(log, file, *arguments):
         process.wait(TIMEOUT_S)
 
 
-def on_terminal(command, *arguments, environment=None):
-    """Runs a command with a terminal as its standard streams; its output."""
+def on_terminal(command, *arguments, environment=None, answer=""):
+    """Runs a command with a terminal as its standard streams, on which somebody types the answer; its output."""
     terminal, streams = pty.openpty()
+    os.write(terminal, answer.encode())
     process = subprocess.Popen([str(word) for word in (command, *arguments)], stdin=streams,
                                stdout=streams, stderr=streams, env=environment,
                                start_new_session=True)

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 import rosbag
 from bags import IMAGE, INFO
-from conftest import (ROOT, SCRIPTS, assert_refused, camera_matrix, images_of, on_full_disk, poses_of, rendered, run,
-                      tool)
+from conftest import (ROOT, SCRIPTS, assert_refused, camera_matrix, images_of, on_full_disk, on_terminal, poses_of,
+                      rendered, run, tool)
 
 TOOLS = sorted(file.stem for folder in ("src/tools", "simulation/tools") for file in (ROOT / folder).glob("*.cpp")
                if file.stem != "ground_truth_relay")
@@ -38,6 +38,22 @@ def test_ros_1_is_found(tmp_path, distribution, installed, found):
     script = f"unset ROS_ROOT; source {SCRIPTS}/lib/environment.sh; gsv_source_distribution; echo $sourced"
     environment = {**os.environ, "ROS_DISTRO": distribution, "gsv_opt_ros": str(tmp_path)}
     assert run("bash", "-euc", f"sourced=; {script}", env=environment).stdout.strip() == (found or "")
+
+
+@pytest.mark.parametrize("answer, is_sure, installs", [("n\n", "", False), ("\n", "", True), ("", "yes", True)])
+def test_packages_are_installed_after_a_question(tmp_path, answer, is_sure, installs):
+    """apt is replaced: it only prints, and nothing is installed already."""
+    (tmp_path / "apt-get").write_text("#!/bin/sh\necho $* >> $0.calls\necho 'Need to get 850 MB of archives.'\n")
+    for name in ("dpkg-query", "sudo"):
+        (tmp_path / name).write_text('#!/bin/sh\n[ $(basename $0) = dpkg-query ] || exec "$@"\n')
+    for file in tmp_path.iterdir():
+        file.chmod(0o755)
+    script = f"source {SCRIPTS}/lib/environment.sh; PATH={tmp_path}:$PATH; gsv_setup && echo done || echo refused"
+    output = on_terminal("bash", "-c", script, answer=answer, environment={
+        **os.environ, "GROUND_SCALE_VO_YES": is_sure, "gsv_opt_ros": str(tmp_path), "TMPDIR": str(tmp_path)})
+    assert "Need to get 850 MB" in output and ("continue?" in output) == (not is_sure)
+    assert ("done" in output) == installs and ("refused" in output) != installs
+    assert any(" -y" in call for call in (tmp_path / "apt-get.calls").read_text().splitlines()) == installs
 
 
 @pytest.mark.parametrize("name", [*TOOLS, "demo", "evaluate", "package", "report"])

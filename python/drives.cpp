@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstdio>
 #include <filesystem>
 #include <memory>
@@ -16,6 +17,7 @@
 #include "ground_scale_vo/calibration/lens_calibration.hpp"
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/options.hpp"
+#include "ground_scale_vo/evaluation/clock_offset.hpp"
 #include "ground_scale_vo/evaluation/drive_run.hpp"
 #include "ground_scale_vo/evaluation/progress_line.hpp"
 #include "ground_scale_vo/evaluation/speed_file.hpp"
@@ -245,6 +247,23 @@ py::dict run(const py::object& open, const std::string& name, double camera_heig
   return report;
 }
 
+/// gsv::clockOffset() of N stamps [s] and speeds each: (offset_s, sigma_s), or None.
+py::object clockOffset(const std::vector<double>& stamps, const std::vector<double>& speeds,
+                       const std::vector<double>& other_stamps,
+                       const std::vector<double>& other_speeds) {
+  const auto samples = [](const std::vector<double>& times, const std::vector<double>& values) {
+    std::vector<gsv::SpeedSample> result;
+    for (std::size_t i = 0; i < times.size(); ++i) {
+      result.push_back({std::llround(1e9 * times[i]), values.at(i), 0});
+    }
+    return result;
+  };
+  const auto offset =
+      gsv::clockOffset(samples(stamps, speeds), samples(other_stamps, other_speeds));
+  if (!offset) return py::none();
+  return py::make_tuple(offset->offset_s, offset->sigma_s);
+}
+
 /// Prints the estimates of the drives. Throws DataError when the lens is not observable.
 void show(const gsv::LensCalibration::Result& result, const std::vector<std::string>& names) {
   for (std::size_t i = 0; i < result.drives.size(); ++i) {
@@ -351,5 +370,6 @@ void addDrives(py::module* module) {
   module->def("require_no_bag", [](const std::string& path) { gsv::requireNoBag(path); });
   module->def("result_name", &gsv::resultName);
   module->def("run", &run);
+  module->def("clock_offset", &clockOffset);
   module->def("calibrate_lens", &calibrateLens);
 }

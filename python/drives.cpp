@@ -46,18 +46,26 @@ class PythonImages : public gsv::ImageSource {
 
   std::optional<gsv::StoredImage> next() override {
     const py::gil_scoped_acquire acquire;
-    PyObject* const item = PyIter_Next(messages_.ptr());
-    if (!item) {
-      if (PyErr_Occurred()) {
-        const py::error_already_set error;
-        throw gsv::DataError(py::str(error.value()).cast<std::string>());
-      }
-      return std::nullopt;
-    }
-    return read(py::reinterpret_steal<py::tuple>(item));
+    const py::object message = nextMessage();
+    if (!message) return std::nullopt;
+    return read(message);
+  }
+  void skip() override {
+    const py::gil_scoped_acquire acquire;
+    nextMessage();
   }
 
  private:
+  /// Null after the last one.
+  py::object nextMessage() {
+    PyObject* const message = PyIter_Next(messages_.ptr());
+    if (!message && PyErr_Occurred()) {
+      const py::error_already_set error;
+      throw gsv::DataError(py::str(error.value()).cast<std::string>());
+    }
+    return py::reinterpret_steal<py::object>(message);
+  }
+
   static gsv::StoredImage read(const py::tuple& message) {
     gsv::StoredImage image;
     image.stamp_ns = message[0].cast<std::int64_t>();
@@ -189,6 +197,20 @@ py::object nextRectified(const ReaderPtr& reader) {
     if (!image) return py::none();
     if (!image->grey.empty()) return py::make_tuple(fromImage(image->grey), image->stamp_ns);
   }
+}
+
+/// DriveReader::imagesAt(), None for an empty one.
+py::list imagesAt(const ReaderPtr& reader, const std::vector<std::size_t>& numbers) {
+  std::vector<cv::Mat> images;
+  {
+    const py::gil_scoped_release release;
+    images = reader->drive->imagesAt(numbers);
+  }
+  py::list list;
+  for (const cv::Mat& image : images) {
+    list.append(image.empty() ? py::object(py::none()) : py::object(fromImage(image)));
+  }
+  return list;
 }
 
 /// open: () -> Reader. The GIL is held only while it is called. camera: of the images' size, else
@@ -359,6 +381,7 @@ void addDrives(py::module* module) {
       .def_property_readonly("ground_truth_heights",
                              [](const Reader& r) { return r.truth.heights; })
       .def("next", &nextRectified)
+      .def("images_at", &imagesAt)
       .def("warnings", [](const Reader& r) { return r.drive->warnings(); })
       .def("failure", [](const Reader& r) { return r.drive->failure(); });
   module->def("height_yaml", &gsv::heightYaml);

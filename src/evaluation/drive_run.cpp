@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <nlohmann/json.hpp>
 #include <optional>
 #include <system_error>
 
@@ -17,6 +18,8 @@
 namespace gsv {
 namespace fs = std::filesystem;
 namespace {
+
+using Json = nlohmann::ordered_json;
 
 /// The frames with a metric pose.
 struct MetricFrames {
@@ -51,18 +54,6 @@ std::string mostFrequentReason(const RunRecord& record) {
   return most == counts.end() ? "there is no image" : most->first;
 }
 
-/// The first-order length error: that of the displacement, which the covariance holds, along the
-/// whole path in proportion.
-double lengthSigma(const RunRecord& record, const RunFrame& last, double length) {
-  const Eigen::Vector3d displacement =
-      last.T_o_c.translation() - record.frames().front().T_o_c.translation();
-  const double distance = displacement.norm();
-  if (!(distance > 0)) return std::sqrt(last.covariance.topLeftCorner<3, 3>().trace());
-  const Eigen::Vector3d along = displacement / distance;
-  const double sigma = std::sqrt(along.dot(last.covariance.topLeftCorner<3, 3>() * along));
-  return sigma * std::max(1.0, length / distance);
-}
-
 /// Every kind of sentence about the speeds that holds for a second or more, with its first wording.
 void addSpeedWarnings(const RunRecord& record, const std::vector<SpeedSample>& speeds,
                       std::vector<std::string>* warnings) {
@@ -95,6 +86,33 @@ void addSpeedWarnings(const RunRecord& record, const std::vector<SpeedSample>& s
   }
 }
 
+/// Its five parameters that a drive determines, to six digits.
+Json lensJson(const Lens& lens) {
+  Json json;
+  const auto add = [&json](const char* name, double value) {
+    json[name] = Json::parse(format("%.6g", value));
+  };
+  add("f", lens.camera.fx);
+  add("cx", lens.camera.cx);
+  add("cy", lens.camera.cy);
+  add("k1", lens.k1);
+  add("k2", lens.k2);
+  return json;
+}
+
+std::string runJson(const DriveRun& run) {
+  Json json = {{"failure", run.failure}, {"warnings", run.warnings}};
+  json["given_lens"] = lensJson(run.given_lens);
+  if (run.lens.isEstimate()) {
+    const LensVector sigmas = run.lens.sigmas();
+    json["lens"] = lensJson(run.lens.lens);
+    json["lens_sigma"] =
+        lensJson(Lens({0, 0, run.lens.lens.camera.fx * sigmas[0], 0, sigmas[1], sigmas[2]},
+                      sigmas[3], sigmas[4]));
+  }
+  return json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+}
+
 MetricOdometry::Options optionsOf(const DriveRun::Options& options, const DriveReader& drive) {
   MetricOdometry::Options result = options.odometry;
   result.odometry.vo.readout_time = drive.camera().readout_time;
@@ -115,14 +133,13 @@ std::string DriveRun::summary() const {
   const MetricFrames metric = metricFramesOf(record);
   if (metric.count == 0) return text + "no metric pose";
   const Eigen::Vector3d start = frames.front().T_o_c.translation();
-  const double length = pathLength(record.metricPoses());
   return text +
          format("first metric pose after %.1f s and %.1f m, scale held in %.0f %%; ",
                 secondsBetween(frames.front().stamp_ns, metric.first->stamp_ns),
                 (metric.first->T_o_c.translation() - start).norm(),
                 100.0 * static_cast<double>(metric.held) / static_cast<double>(metric.count)) +
-         format("length %.1f m, standard deviation %.1f m", length,
-                lengthSigma(record, *metric.last, length)) +
+         format("length %.1f m, standard deviation %.1f m", pathLength(record.metricPoses()),
+                record.lengthSigma()) +
          (record.usedSpeeds() && metric.last->scale.camera_height_sigma > 0
               ? format("; camera height %.3f m, standard deviation %.3f m",
                        metric.last->scale.camera_height, metric.last->scale.camera_height_sigma)
@@ -170,6 +187,7 @@ DriveRun runDrive(DriveReader* drive, const DriveRun::Options& options,
   if (options.smooth) offline.smooth();
   DriveRun run;
   run.record = offline.record();
+  run.given_lens = lensOf(drive->camera());
   run.lens = options.lens.value_or(offline.lens());
   run.used = drive->used();
   run.warnings = drive->warnings();
@@ -203,6 +221,7 @@ std::string resultName(const std::string& drive) {
 void writeRun(const fs::path& folder, const DriveRun& run, double camera_height,
               const GroundTruth& truth) {
   writeRun(folder, run.record, camera_height, truth.poses, truth.heights);
+  writeFile(folder / "run.json", runJson(run));
   if (!run.lens.isEstimate()) return;
   writeFile(folder / "camera.yaml",
             cameraYaml(calibrationOf(run.lens.lens), "Estimated from the drive."));

@@ -1,8 +1,11 @@
 #include "ground_scale_vo/evaluation/run_record.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <stdexcept>
+
+#include "ground_scale_vo/evaluation/metrics.hpp"
 
 namespace gsv {
 
@@ -132,6 +135,20 @@ std::vector<Eigen::Isometry3d> RunRecord::metricPoses() const {
   std::vector<Eigen::Isometry3d> poses;
   for (const RunFrame& frame : frames_) poses.push_back(frame.T_o_c);
   return poses;
+}
+
+double RunRecord::lengthSigma() const {
+  const auto last = std::find_if(frames_.rbegin(), frames_.rend(),
+                                 [](const RunFrame& frame) { return frame.has_metric_pose; });
+  if (last == frames_.rend()) return std::numeric_limits<double>::quiet_NaN();
+  const Eigen::Matrix3d covariance = last->covariance.topLeftCorner<3, 3>();
+  const Eigen::Vector3d displacement =
+      last->T_o_c.translation() - frames_.front().T_o_c.translation();
+  const double distance = displacement.norm();
+  if (!(distance > 0)) return std::sqrt(covariance.trace());
+  const Eigen::Vector3d along = displacement / distance;
+  return std::sqrt(along.dot(covariance * along)) *
+         std::max(1.0, pathLength(metricPoses()) / distance);
 }
 
 std::vector<Eigen::Isometry3d> RunRecord::unscaledPoses() const {

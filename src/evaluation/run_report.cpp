@@ -94,6 +94,7 @@ std::string metricsJson(const RunRecord& record, double camera_height,
   json["camera_height_m"] = camera_height;
   json["smoothed"] = record.isSmoothed();
   json["length_m"] = pathLength(poses);
+  json["length_sigma_m"] = record.lengthSigma();
   if (record.usedSpeeds() && frames.back().scale.camera_height_sigma > 0) {
     json["learned_camera_height_m"] = frames.back().scale.camera_height;
     json["learned_camera_height_sigma_m"] = frames.back().scale.camera_height_sigma;
@@ -170,7 +171,8 @@ void writeRun(const fs::path& folder, const RunRecord& record, double camera_hei
               const std::vector<Eigen::Isometry3d>& ground_truth,
               const std::vector<double>& ground_truth_heights) {
   makeFolder(folder);
-  for (const char* name : {"timing.csv", "ground_truth.txt"}) {  // of an earlier run
+  for (const char* name :
+       {"timing.csv", "ground_truth.txt", "run.json", "report.html"}) {  // of an earlier run
     std::error_code ignored;
     fs::remove(folder / name, ignored);
   }

@@ -124,6 +124,33 @@ std::optional<DriveReader::Image> DriveReader::next() {
   return image;
 }
 
+std::vector<cv::Mat> DriveReader::imagesAt(const std::vector<std::size_t>& numbers) {
+  std::vector<cv::Mat> images;
+  std::size_t number = 0;
+  for (const std::size_t wanted : numbers) {
+    images.emplace_back();
+    try {
+      std::optional<StoredImage> image;
+      for (; number <= wanted; ++number) {
+        if (!first_.empty()) {
+          image = std::move(first_.front().image);
+          first_.pop_front();
+        } else if (loading_.valid()) {
+          image = loading_.get().image;
+        } else if (number == wanted) {
+          image = source_->next();
+        } else {
+          source_->skip();
+        }
+      }
+      if (!image || image->pixels.empty()) continue;
+      images.back() = grey_converter_.convert(image->pixels, image->encoding);
+    } catch (const DataError&) {  // it stays empty
+    }
+  }
+  return images;
+}
+
 void DriveReader::add(const Stored& stored) {
   const std::size_t index = read_++;
   const StoredImage& image = *stored.image;

@@ -41,6 +41,7 @@ class Files : public ImageSource {
     ++index_;
     return image;
   }
+  void skip() override { index_ = std::min(index_ + 1, files_.size()); }
 
  private:
   const std::string name_;
@@ -82,6 +83,7 @@ class Video : public ImageSource {
     image.stamp_ns = std::llround(1e6 * ms);
     return image;
   }
+  void skip() override { capture_.grab(); }
 
  private:
   const std::string name_;

@@ -11,6 +11,7 @@
 
 #include <cstdio>
 #include <exception>
+#include <filesystem>
 #include <limits>
 #include <list>
 #include <map>
@@ -18,6 +19,7 @@
 #include <string>
 #include <vector>
 
+#include "common/files.hpp"
 #include "common/text.hpp"
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/evaluation/metrics.hpp"
@@ -327,6 +329,8 @@ int evaluate(const Arguments& arguments) {
     ground_truth.clear();
   }
   gsv::writeRun(arguments.out, record, arguments.camera_height, ground_truth);
+  gsv::writeFile(std::filesystem::path(arguments.out) / "run.json",
+                 "{\"first_image\": " + std::to_string(first) + "}\n");
   if (!ground_truth.empty()) reportInconsistentScale(record, ground_truth);
   return 0;
 }

@@ -3,6 +3,7 @@
 #include <cstdio>
 #include <filesystem>
 #include <opencv2/core.hpp>
+#include <opencv2/imgcodecs.hpp>
 #include <string>
 #include <vector>
 
@@ -17,7 +18,23 @@ namespace {
 
 struct Arguments : gsv::DriveArguments {
   bool only_check = false, strict = false, smooth = false;
+  std::vector<std::size_t> images;
 };
+
+/// The images with these numbers, as DIR/NUMBER.png.
+int writeImages(const Arguments& arguments) {
+  const auto images = gsv::openDrive(arguments.drive)->imagesAt(arguments.images);
+  gsv::makeFolder(arguments.out);
+  for (std::size_t i = 0; i < images.size(); ++i) {
+    if (images[i].empty()) continue;
+    std::vector<std::uint8_t> png;
+    cv::imencode(".png", images[i], png);
+    gsv::writeFile(
+        std::filesystem::path(arguments.out) / (std::to_string(arguments.images[i]) + ".png"),
+        {png.begin(), png.end()});
+  }
+  return 0;
+}
 
 int run(const Arguments& arguments) {
   cv::setNumThreads(1);
@@ -88,9 +105,14 @@ int main(int argc, char** argv) {
        "scale from all measurements of its map, also later ones")  //
       ("strict", gsv::po::bool_switch(&arguments.strict),
        "exit status 1 also after a warning")  //
+      ("images", gsv::po::value(&arguments.images)->multitoken()->value_name("N..."),
+       "only writes the images with these ascending numbers, from 0, to DIR/N.png")  //
       ("check", gsv::po::bool_switch(&arguments.only_check),
        "only checks the arguments; reads and writes nothing");
   return command_line.run(
       argc, argv, [&] { arguments.check(); },
-      [&] { return arguments.only_check ? 0 : run(arguments); });
+      [&] {
+        if (arguments.only_check) return 0;
+        return arguments.images.empty() ? run(arguments) : writeImages(arguments);
+      });
 }

@@ -29,6 +29,7 @@ struct DriveRun {
   using OnFrame = std::function<void(const RunFrame& frame)>;
 
   RunRecord record;  ///< a frame for every image, also those that are not used
+  Lens given_lens;   ///< of the calibration
   LensEstimate lens;
   std::size_t used = 0;               ///< images
   std::vector<std::string> warnings;  ///< sentences of DriveReader, and about the result
@@ -58,7 +59,8 @@ DriveRun runDrive(DriveReader* drive, const DriveRun::Options& options,
 /// Name of the result folder: that of the drive's folder, or of its file without extension.
 std::string resultName(const std::string& drive);
 
-/// writeRun(), and camera.yaml with the lens if it was refined. Throws DataError.
+/// writeRun(), run.json with failure, warnings and lens, and camera.yaml if the lens was refined.
+/// Throws DataError.
 void writeRun(const std::filesystem::path& folder, const DriveRun& run, double camera_height,
               const GroundTruth& truth);
 

@@ -56,6 +56,10 @@ class RunRecord {
   bool usedSpeeds() const;                          ///< for any frame's scale
   std::size_t lostEvents() const;  ///< changes of vo_status from kTracking to another
   std::vector<Eigen::Isometry3d> metricPoses() const;
+  /// Standard deviation of the length of metricPoses() [m], to first order: that of the
+  /// displacement, which the covariance holds, along the whole path in proportion. NaN without a
+  /// metric pose.
+  double lengthSigma() const;
   /// In the VO units of each map, which differ: a later map continues from the last pose of the
   /// previous one without a jump. The last pose is held where there is none.
   std::vector<Eigen::Isometry3d> unscaledPoses() const;

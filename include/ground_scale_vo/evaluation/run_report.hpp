@@ -12,7 +12,7 @@ namespace gsv {
 /// The metrics of a run as one JSON object, null for missing values:
 ///   frames, tracked_frames, lost_events, backfilled_frames, camera_height_m [m]; smoothed: whether
 ///   scales and metric poses are those of RunRecord::smooth();
-///   length_m [m] of the metric trajectory;
+///   length_m [m] of the metric trajectory, length_sigma_m: RunRecord::lengthSigma();
 ///   the other members of OdometryMetrics under their names, of the metric trajectory (but
 ///   t_err_sim3_percent of the unscaled one); null without ground truth;
 ///   scale_within_2_sigma, first_scale_error_sigmas, scale_held_share, scale_error_median_percent,

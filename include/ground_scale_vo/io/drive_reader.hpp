@@ -39,6 +39,8 @@ class ImageSource {
   virtual bool endsEarly(std::size_t read) const { return read < count(); }
   /// Empty after the last one. Throws DataError when no further image can be read.
   virtual std::optional<StoredImage> next() = 0;
+  /// Passes over the next image without decoding it.
+  virtual void skip() { next(); }
 };
 
 /// Reads a drive image by image, by the rules that the nodelets apply to their topics: decoding,
@@ -76,6 +78,10 @@ class DriveReader {
   /// Every image of the source in order, also those that cannot be used. Empty after the last one.
   /// Throws DataError when the stamps of the first images are unusable.
   std::optional<Image> next();
+
+  /// Some images of the drive as they come, instead of next(): those with these numbers (from 0,
+  /// ascending), in grey; an empty one where it cannot be decoded. The others are not decoded.
+  std::vector<cv::Mat> imagesAt(const std::vector<std::size_t>& numbers);
 
   /// Adds a sentence to warnings().
   void warn(const std::string& sentence) { sentences_.push_back(sentence); }

@@ -53,7 +53,7 @@ setup(
     cmdclass={"build_ext": CMakeBuild},
     python_requires=">=3.8",
     install_requires=["numpy"],
-    extras_require={"run": ["opencv-python", "pyyaml", "matplotlib"]},
+    extras_require={"run": ["opencv-python", "pyyaml", "matplotlib", "jinja2"]},
     entry_points={"console_scripts": ["ground_scale_vo = ground_scale_vo.command_line:main"]},
     zip_safe=False,
 )

@@ -130,6 +130,15 @@ def draw(folder):
         plot_run.draw(folder)
 
 
+def write_page(folder, open_reader):
+    try:
+        from . import run_page  # installed beside this file
+    except ImportError as error:
+        print(f"no report.html: {error}", file=sys.stderr)
+    else:
+        run_page.write(folder, ["ground_scale_vo", *sys.argv[1:]], lambda frames: open_reader().images_at(frames))
+
+
 def run(arguments):
     name = _core.result_name(str(arguments.input))
     folder = arguments.out / name
@@ -137,9 +146,11 @@ def run(arguments):
         raise ValueError(f"--out {arguments.out} would write the results to the input")
     if arguments.camera_height is None and not arguments.speed:
         raise ValueError("--camera-height is needed, or --speed, see --help")
-    result = _core.run(opener(arguments.input, arguments), name, arguments.camera_height or 0.0, arguments.set,
+    open_reader = opener(arguments.input, arguments)
+    result = _core.run(open_reader, name, arguments.camera_height or 0.0, arguments.set,
                        str(arguments.speed or ""), str(folder), arguments.smooth, arguments.strict)
     draw(folder)
+    write_page(folder, open_reader)
     for sentence in result["warnings"]:
         print(f"{name}: {sentence}", file=sys.stderr)
     print(f"{name}: {result['summary']}; written to {folder}")

@@ -24,7 +24,7 @@ from environment import Parser, build, private_master, run
 
 # What the demo runs.
 TARGETS = ("ground_scale_vo_generate_messages", "ground_scale_vo_nodelets", "render_drive", "kitti_to_bag",
-           "ground_truth_relay", "evaluate_bag")
+           "ground_truth_relay", "evaluate_bag", "run_sequence")
 PROGRESS_PERIOD_S = 10  # in a log; on a terminal one line is overwritten
 
 
@@ -231,6 +231,11 @@ def main():
                         *(["--image", arguments.image] if arguments.image else [])], check=True)
         subprocess.run([tools / "metrics_table.py", results], check=True)
         subprocess.run([tools / "plot_run.py", results], check=True)
+        page = [tools / "run_page.py", results, "--command", shlex.join(["scripts/demo", *sys.argv[1:]])]
+        if sequence:
+            page += ["--images", shlex.join(map(str, (tools / "run_sequence", sequence, "--camera-height",
+                                                      arguments.camera_height)))]
+        subprocess.run(page, check=True)
     print(f"results and plots: {results}")
     return 0
 

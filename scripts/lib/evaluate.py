@@ -21,6 +21,7 @@ import concurrent.futures
 import functools
 import os
 import pathlib
+import shlex
 import subprocess
 import sys
 
@@ -73,14 +74,20 @@ def scenarios(options):
 
 
 def evaluate(tools, arguments, options, stderr, sequence):
-    """The odometry, then plots, also of a drive that can be used only in part. A failed run leaves no metrics of an
-    earlier one. Returns whether all was done."""
+    """The odometry, then plots and page, also of a drive that can be used only in part. A failed run leaves no metrics
+    of an earlier one. Returns whether all was done."""
     results = arguments.out / sequence.name
     (results / "metrics.json").unlink(missing_ok=True)
     succeeded = not subprocess.run([tools / "run_sequence", sequence, *options], stderr=stderr, check=False).returncode
     if not (results / "metrics.json").exists():
         return False
-    return not subprocess.run([tools / "plot_run.py", results], stderr=stderr, check=False).returncode and succeeded
+    images = [str(word) for word in (tools / "run_sequence", sequence, "--camera-height", arguments.camera_height,
+                                     *arguments.options)]
+    for command in ([tools / "plot_run.py", results],
+                    [tools / "run_page.py", results, "--command", shlex.join(["scripts/evaluate", *sys.argv[1:]]),
+                     "--images", shlex.join(images)]):
+        succeeded &= not subprocess.run(command, stderr=stderr, check=False).returncode
+    return succeeded
 
 
 def main():

@@ -81,7 +81,7 @@ def assert_played(output, results, frames=FRAMES):
     have dropped some."""
     processed = int(re.search(r"(\d+) frames out of both nodelets", output)[1])
     assert frames / 4 <= processed <= frames, output
-    for name in ("metrics.json", "trajectory.png", "scale.png", "timing.png"):
+    for name in ("metrics.json", "trajectory.png", "scale.png", "timing.png", "report.html"):
         assert (results / name).stat().st_size > 0
 
 

@@ -18,7 +18,7 @@ def install(tmp_path_factory):
 
 def test_files(install):
     expected = [f"lib/ground_scale_vo/{name}" for name in (
-        "calibrate_height", "demo", "evaluate", "lib", "metrics_table.py", "plot_run.py", "run_sequence",
+        "calibrate_height", "demo", "evaluate", "lib", "metrics_table.py", "plot_run.py", "run_page.py", "run_page.html", "run_sequence",
         *(file.name for file in (ROOT / "nodes").iterdir() if file.is_file()))]
     expected += [f"share/ground_scale_vo/{file.relative_to(ROOT)}" for folder in ("launch", "config", "rviz")
                  for file in (ROOT / folder).iterdir()]

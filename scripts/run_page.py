@@ -187,7 +187,7 @@ def axes_of(height, top=0.1, bottom=0.4, **labels):
             "ytick.color": COLOURS["muted"], "axes.grid": True, "grid.color": COLOURS["line"], "grid.linewidth": 0.6,
             "axes.axisbelow": True}):
         axes = plt.figure(figsize=(WIDTH, height)).add_axes(
-            [0.6 / WIDTH, bottom / height, 1 - 0.7 / WIDTH, 1 - (top + bottom) / height])
+            [0.7 / WIDTH, bottom / height, 1 - 0.8 / WIDTH, 1 - (top + bottom) / height])
     axes.set(**labels)
     return axes
 
@@ -205,7 +205,7 @@ def draw_path(run, places):
     span = 1.12 * np.maximum(high - low, 1)
     width = max(span[0], span[1] * 0.9)  # at most this high
     span = np.array([width, max(span[1], 0.35 * width)])
-    axes = axes_of(0.5 + (WIDTH - 0.7) * span[1] / span[0], xlabel="x, right [m]", ylabel="z, forward [m]")
+    axes = axes_of(0.5 + (WIDTH - 0.8) * span[1] / span[0], xlabel="x, right [m]", ylabel="z, forward [m]")
     axes.set(xlim=(low + high)[0] / 2 + span[0] / 2 * np.array([-1, 1]),
              ylim=(low + high)[1] / 2 + span[1] / 2 * np.array([-1, 1]))
     if run.truth is not None:
@@ -243,7 +243,8 @@ def draw_scale(run, places):
     limit = 1.3 * np.nanpercentile(np.abs(np.concatenate([run.deviation, 2 * run.sigma])), 97)
     axes.set(xlim=(0, run.length), ylim=(-limit, limit))
     for state in ("measured", "held", "lost"):
-        bars = [(run.distance[start], run.metres(start, end)) for start, end in run.runs(state)]
+        least = run.length / 300 if state == "lost" else 0  # it can be seen
+        bars = [(run.distance[start], max(least, run.metres(start, end))) for start, end in run.runs(state)]
         axes.broken_barh(bars, (1.02, 0.06), color=COLOURS[state], linewidth=0, clip_on=False,
                          transform=axes.get_xaxis_transform())
     for number, (frame, _) in enumerate(places, 1):

@@ -356,7 +356,7 @@ int main(int argc, char** argv) {
        "the bag that bag.launch record:=BAG wrote: scale, odometry, vo/odometry, /diagnostics")  //
       ("out", gsv::requiredValue(&arguments.out, "DIR"),
        "gets the files of run_sequence: poses.txt, poses_unscaled.txt, trajectory_tum.txt, "
-       "scale.csv, timing.csv, metrics.json, ground_truth.txt")  //
+       "scale.csv, timing.csv, metrics.json, run.json, ground_truth.txt")  //
       ("camera-height", gsv::requiredValue(&arguments.camera_height, "M"),
        "[m] as it was given to the launch file")  //
       ("image", gsv::topicValue(&arguments.image),

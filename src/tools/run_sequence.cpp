@@ -90,9 +90,10 @@ int main(int argc, char** argv) {
       "Exit status: 0 done, 1 the data cannot be used or only in part (the reason is printed), 2 "
       "the "
       "arguments cannot be used.");
-  arguments.addTo(&command_line,
-                  "results go to DIR/<name of SEQ>/: poses.txt, poses_unscaled.txt, "
-                  "trajectory_tum.txt, scale.csv, timing.csv, metrics.json, ground_truth.txt");
+  arguments.addTo(
+      &command_line,
+      "results go to DIR/<name of SEQ>/: poses.txt, poses_unscaled.txt, "
+      "trajectory_tum.txt, scale.csv, timing.csv, metrics.json, run.json, ground_truth.txt");
   command_line.options().add_options()  //
       ("speed", gsv::po::value(&arguments.speed_file)->value_name("FILE"),
        "speeds of the vehicle: CSV with the columns stamp [s] and speed [m/s], optionally sigma, "

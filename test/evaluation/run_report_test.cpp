@@ -78,6 +78,7 @@ TEST_F(RunReport, MetricsAreNullWithoutGroundTruth) {
                    {"camera_height_m", 1.65},
                    {"smoothed", false},
                    {"length_m", 12},
+                   {"length_sigma_m", 0},
                    {"ms_vo_median", 40},
                    {"ms_vo_p95", 67},
                    {"ms_scale_median", 0},
@@ -125,6 +126,7 @@ TEST_F(RunReport, HasTheMetricsOfScaleAndCovariance) {
   EXPECT_NEAR(json.at("scale_error_median_percent"), 4, 1e-6);
   EXPECT_NEAR(json.at("height_bias_percent"), 100 * (1 / 1.04 - 1), 1e-6);
   EXPECT_EQ(json.at("first_metric_pose_m"), 5);
+  EXPECT_NEAR(json.at("length_sigma_m"), std::sqrt(0.24), 1e-6);
   const Json measured = Json::parse(metricsJson(record, 1.65, ground_truth));
   for (const auto& [report, accuracy] :
        {std::pair(json, GroundTruthAccuracy()), std::pair(measured, kGpsImuAccuracy)}) {

@@ -168,7 +168,7 @@ def svg(figure):
     """For the inside of a page: with the colours and the font of its style sheet."""
     stream = io.StringIO()
     with matplotlib.rc_context({"svg.fonttype": "none", "svg.hashsalt": "page"}):
-        figure.savefig(stream, format="svg", transparent=True, metadata={"Date": None})
+        figure.savefig(stream, format="svg", transparent=True)
     plt.close(figure)
     text = re.sub(r"<metadata>.*?</metadata>|<!--.*?-->", "", stream.getvalue(), flags=re.DOTALL)
     box = re.search(r'viewBox="[^"]*"', text)[0]

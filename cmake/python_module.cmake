@@ -9,6 +9,7 @@ endforeach()
 find_package(pybind11 REQUIRED)
 pybind11_add_module(${PROJECT_NAME}_python MODULE NO_EXTRAS python/module.cpp python/drives.cpp)
 target_include_directories(${PROJECT_NAME}_python PRIVATE ${PROJECT_SOURCE_DIR}/src)
+target_compile_definitions(${PROJECT_NAME}_python PRIVATE GROUND_SCALE_VO_VERSION="${PROJECT_VERSION}")
 target_link_libraries(${PROJECT_NAME}_python PRIVATE
   ${PROJECT_NAME}_evaluation $<BUILD_INTERFACE:${PROJECT_NAME}_warnings>)
 # The Python package contains the module and, beside it, the library of the core.

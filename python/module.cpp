@@ -20,6 +20,8 @@ namespace {
 
 using Output = gsv::MetricOdometry::Output;
 
+constexpr std::int64_t kMinInterval = 1'000'000;  // [ns] of images
+
 /// A copy: the caller may write to the array later. array: continuous, of 8 or 16 bits.
 cv::Mat toImage(const py::array& array) {
   return cv::Mat(static_cast<int>(array.shape(0)), static_cast<int>(array.shape(1)),
@@ -177,6 +179,11 @@ class Odometry {
                                ", it must be greater than that of the previous image, " +
                                std::to_string(last_stamp_ns_));
       }
+      if (last_stamp_ns_ >= 0 && stamp_ns - last_stamp_ns_ < kMinInterval) {
+        throw gsv::OptionError("stamp is only " + std::to_string(stamp_ns - last_stamp_ns_) +
+                               " ns after that of the previous image: is it in milliseconds or "
+                               "microseconds?");
+      }
       output = odometry_.process(grey_converter_.convert(pixels), stamp_ns);
       last_stamp_ns_ = stamp_ns;
       if (record_) record_->append(output.vo, output.scale);
@@ -227,6 +234,7 @@ PYBIND11_MODULE(_core, module) {
       .def("metrics", &Record::metrics)
       .def("write", &Record::write);
   addDrives(&module);
+  module.attr("__version__") = GROUND_SCALE_VO_VERSION;
   module.def("read_options", &gsv::readOptions);
   module.def("require_new_file",
              [](const std::string& file, bool force) { gsv::requireNewFile(file, force); });

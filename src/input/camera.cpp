@@ -31,6 +31,15 @@ constexpr double kMinFieldOfView = 30;
 /// of a published calibration.
 constexpr double kEstimatedK1Sigma = 0.003, kPublishedK1Sigma = 0.02;
 
+/// Numbers of coefficients without a name from which on they are those of plumb_bob: four may be
+/// those of a fisheye lens.
+constexpr std::size_t kMinUnnamed = 5;
+
+/// [half images] Principal points of cameras without a stated image size lie this close to the
+/// centre: KITTI 0.075, EuRoC 0.04, TUM 0.07, Cityscapes 0.07, nuScenes 0.09. Images of another
+/// crop or aspect differ by 0.1 (16:9 of 16:10) and more.
+constexpr double kCentred = 0.1;
+
 /// Points per side of the grid on which two rectifications are compared.
 constexpr int kComparedPoints = 5;
 constexpr double kTolerancePx = 0.1;
@@ -122,7 +131,8 @@ void CameraCalibration::setDistortion(const std::string& name,
   distortion = coefficients;
   if (isDistorted() || !(name.empty() || name == "none")) {
     const std::string what = "the distortion model is \"" + name + "\"; ";
-    model = &modelNamed(name, &DistortionModel::names, what);
+    const bool is_brown = name.empty() && coefficients.size() >= kMinUnnamed;
+    model = &modelNamed(is_brown ? "plumb_bob" : name, &DistortionModel::names, what);
   }
   if (isDistorted()) return;
   model = undistorted.model;
@@ -216,6 +226,14 @@ std::string checkCalibration(const CameraCalibration& c, const std::string& sour
                     format("%.4g, %.4g", c.cx, c.cy) + ") is the centre of images of about " +
                     sizeText(x * images.width, y * images.height) + ", the images are " +
                     sizeText(images.width, images.height));
+  }
+  if (!c.hasSize() && !(std::abs(x - 1) <= kCentred && std::abs(y - 1) <= kCentred)) {
+    throw DataError(source + " states no image size, and its principal point " +
+                    format("(%.4g, %.4g)", c.cx, c.cy) + " is not near the centre of images of " +
+                    sizeText(images.width, images.height) +
+                    ": if it is of images of this size, state that: width and height of "
+                    "camera_info, image_width and image_height or Camera.width and Camera.height "
+                    "in YAML, a line \"S0: WIDTH HEIGHT\" in calib.txt");
   }
   const double aspect = std::max(c.fy / c.fx, c.fx / c.fy);
   if (aspect > kMaxAspect) {

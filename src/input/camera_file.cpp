@@ -32,6 +32,7 @@ class CameraYaml {
 
   [[noreturn]] void fail(const std::string& what) const { throw DataError(name_ + ": " + what); }
 
+  const YAML::Node& root() const { return root_; }
   bool has(const std::string& key) const { return static_cast<bool>(root_[key]); }
   /// The first of the keys that the file has. Throws DataError.
   YAML::Node at(std::initializer_list<const char*> keys) const {
@@ -121,16 +122,18 @@ CameraCalibration ofRosOrOpenCv(const CameraYaml& yaml) {
   return camera;
 }
 
-CameraCalibration ofKalibr(const CameraYaml& yaml) {
-  const YAML::Node node = yaml.at({"cam0"});
+/// A camera of a Kalibr camchain, or sensor.yaml of EuRoC.
+CameraCalibration ofKalibr(const CameraYaml& yaml, const YAML::Node& node) {
   if (const std::string model = yaml.word(yaml.child(node, "camera_model")); model != "pinhole") {
     yaml.fail("the camera model is " + model + ", supported is pinhole");
   }
   CameraCalibration camera;
   setIntrinsics(yaml, yaml.numbers(yaml.child(node, "intrinsics")), &camera);
   setSize(yaml, yaml.numbers(yaml.child(node, "resolution")), &camera);
-  camera.setDistortion(yaml.word(yaml.child(node, "distortion_model")),
-                       yaml.numbers(yaml.child(node, "distortion_coeffs")));
+  camera.setDistortion(
+      yaml.word(yaml.child(node, "distortion_model")),
+      yaml.numbers(yaml.child(node, node["distortion_coefficients"] ? "distortion_coefficients"
+                                                                    : "distortion_coeffs")));
   return camera;
 }
 
@@ -184,6 +187,13 @@ CameraCalibration valid(const fs::path& file, const Read& read) {
   }
 }
 
+void setKittiSize(const TextFile& text, const std::string& key, CameraCalibration* camera) {
+  if (!text.has(key)) return;
+  const Numbers size = text.numbers(text.lineOf(key), 2, 1);
+  camera->width = static_cast<int>(std::min<double>(size[0], kMaxImageSide));
+  camera->height = static_cast<int>(std::min<double>(size[1], kMaxImageSide));
+}
+
 bool hasLine(const std::string& text, const std::string& key) {
   return ("\n" + text).find("\n" + key) != std::string::npos;
 }
@@ -195,6 +205,10 @@ CameraCalibration readCameraFile(const fs::path& file) {
   if (text.rfind("\xef\xbb\xbf", 0) == 0) text.erase(0, 3);
   if (hasLine(text, "P_rect_00:")) return readKittiRawCamera(file, "00", true);
   if (hasLine(text, "P0:")) return readKittiProjection(file, "P0:");
+  if (hasLine(text, "frame cameraID K[0,0] K[1,1]")) {  // Virtual KITTI: a line for each image
+    const Numbers K = TextFile(file).numbers(1, 4, 2);
+    return valid(file, [&] { return CameraCalibration{0, 0, K[0], K[1], K[2], K[3]}; });
+  }
   // OpenCV's directive %YAML:1.0 is not YAML.
   if (text.rfind("%YAML", 0) == 0) text.erase(0, text.find('\n'));
   if (text.find("<opencv_storage>") != std::string::npos) {
@@ -202,7 +216,8 @@ CameraCalibration readCameraFile(const fs::path& file) {
   }
   const CameraYaml yaml(file, text);
   return valid(file, [&] {
-    if (yaml.has("cam0")) return ofKalibr(yaml);
+    if (yaml.has("cam0")) return ofKalibr(yaml, yaml.at({"cam0"}));
+    if (yaml.has("resolution")) return ofKalibr(yaml, yaml.root());
     if (yaml.has("projection_parameters")) return ofVins(yaml);
     if (yaml.has("Camera.fx")) return ofOrbSlam(yaml, "Camera.");
     if (yaml.has("Camera1.fx")) return ofOrbSlam(yaml, "Camera1.");
@@ -217,6 +232,7 @@ CameraCalibration readKittiProjection(const fs::path& file, const std::string& k
   const bool is_pinhole = p[1] == 0 && p[4] == 0 && p[8] == 0 && p[9] == 0 && p[10] == 1;
   if (!is_pinhole) text.fail(line, key + " is not the projection of a rectified pinhole camera");
   CameraCalibration camera{0, 0, p[0], p[5], p[2], p[6]};
+  setKittiSize(text, "S" + key.substr(1), &camera);
   try {
     camera.validate();
   } catch (const OptionError& error) {
@@ -228,19 +244,11 @@ CameraCalibration readKittiProjection(const fs::path& file, const std::string& k
 CameraCalibration readKittiRawCamera(const fs::path& file, const std::string& camera,
                                      bool rectified) {
   const TextFile text(file);
-  CameraCalibration calibration;
-  if (rectified) {
-    calibration = readKittiProjection(file, "P_rect_" + camera + ":");
-  } else {
-    const Numbers K = text.numbers(text.lineOf("K_" + camera + ":"), 9, 1);
-    const Numbers D = text.numbers(text.lineOf("D_" + camera + ":"), 5, 1);
-    calibration = {0, 0, K[0], K[4], K[2], K[5], D};
-  }
-  const std::string key = (rectified ? "S_rect_" : "S_") + camera + ":";
-  if (!text.has(key)) return calibration;
-  const Numbers size = text.numbers(text.lineOf(key), 2, 1);
-  calibration.width = static_cast<int>(std::min<double>(size[0], kMaxImageSide));
-  calibration.height = static_cast<int>(std::min<double>(size[1], kMaxImageSide));
+  if (rectified) return readKittiProjection(file, "P_rect_" + camera + ":");
+  const Numbers K = text.numbers(text.lineOf("K_" + camera + ":"), 9, 1);
+  const Numbers D = text.numbers(text.lineOf("D_" + camera + ":"), 5, 1);
+  CameraCalibration calibration{0, 0, K[0], K[4], K[2], K[5], D};
+  setKittiSize(text, "S_" + camera + ":", &calibration);
   return valid(file, [&] { return calibration; });
 }
 

@@ -29,7 +29,7 @@ CameraCalibration wholeImage(const CameraInfo& info, const double* matrix, int c
   };
   const CameraCalibration camera{side(info.width), side(info.height), at(0, 0),
                                  at(1, 1),         at(0, 2),          at(1, 2)};
-  pinholeOf(camera).validate();
+  if (camera.width > 0 || camera.height > 0) pinholeOf(camera).validate();
   if (at(0, 1) != 0 || at(1, 0) != 0 || at(2, 0) != 0 || at(2, 1) != 0 || at(2, 2) != 1) {
     throw OptionError(std::string(columns == 4 ? "P" : "K") +
                       " is not of the form fx 0 cx, 0 fy cy, 0 0 1");
@@ -51,6 +51,7 @@ CameraCalibration wholeRawImage(const CameraInfo& info) {
 /// With ROI and binning. Throws OptionError.
 CameraCalibration ofImages(const CameraInfo& info, bool use_P) {
   CameraCalibration camera = use_P ? wholeImage(info, info.P.data(), 4) : wholeRawImage(info);
+  if (!camera.hasSize()) return camera;
   const auto& roi = info.roi;
   const bool has_roi = roi.x_offset > 0 || roi.y_offset > 0 || roi.width > 0 || roi.height > 0;
   const cv::Rect2d whole(0, 0, info.width, info.height);
@@ -111,7 +112,7 @@ double shareInside(const Points& points, const cv::Size2d& size) {
 /// Whether P can describe the rectified images of the camera of K, D and R. True if that cannot be
 /// computed.
 bool isRectificationOf(const CameraInfo& info) {
-  if (!(info.P[0] > 0) || !(info.P[5] > 0) || info.P[10] != 1) return true;
+  if (!(info.P[0] > 0) || !(info.P[5] > 0) || info.P[10] != 1 || info.width == 0) return true;
   const cv::Size2d size(info.width, info.height);
   const cv::Matx33d K(info.K.data()), P(info.P[0], info.P[1], info.P[2], info.P[4], info.P[5],
                                         info.P[6], info.P[8], info.P[9], info.P[10]);

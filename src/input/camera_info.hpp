@@ -26,8 +26,9 @@ struct CameraInfo {
 ///
 /// Uses K and D; P if K is all zero, as for a rectified camera, or if image_is_rectified states
 /// that the images are rectified although K and D describe the raw camera. R and the last column of
-/// P are not used: the axes are those of the images as they come. Throws DataError that names the
-/// topic and what cannot be used.
+/// P are not used: the axes are those of the images as they come. A camera_info with a width and
+/// height of zero, as some drivers publish it, has no size, ROI and binning. Throws DataError that
+/// names the topic and what cannot be used.
 CameraCalibration readCameraInfo(const CameraInfo& info, const std::string& topic,
                                  bool image_is_rectified);
 

@@ -95,7 +95,7 @@ const std::vector<DistortionModel>& distortionModels() {
   // plumb_bob with the coefficients of rational_polynomial is accepted, and vice versa.
   static const std::vector<std::size_t> kBrown{0, 4, 5, 8, 12, 14};
   static const std::vector<DistortionModel> kModels{
-      {{"plumb_bob", "radtan"},
+      {{"plumb_bob", "radtan", "radial-tangential"},
        {"PinHole", "Rectified"},
        {"PINHOLE"},
        kBrown,

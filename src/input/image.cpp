@@ -25,8 +25,12 @@ using Encoding = std::pair<int, std::optional<cv::ColorConversionCodes>>;
 /// row.
 const std::map<std::string, Encoding>& encodings() {
   static const std::map<std::string, Encoding> all = [] {
-    std::map<std::string, Encoding> map = {{"yuv422", {CV_8UC2, cv::COLOR_YUV2GRAY_UYVY}},
-                                           {"yuv422_yuy2", {CV_8UC2, cv::COLOR_YUV2GRAY_YUY2}}};
+    const Encoding uyvy{CV_8UC2, cv::COLOR_YUV2GRAY_UYVY}, yuyv{CV_8UC2, cv::COLOR_YUV2GRAY_YUY2};
+    std::map<std::string, Encoding> map = {{"yuv422", uyvy},
+                                           {"uyvy", uyvy},
+                                           {"yuv422_yuy2", yuyv},
+                                           {"yuyv", yuyv},
+                                           {"nv12", {CV_8UC1, {}}}};
     for (const int depth : {CV_8U, CV_16U}) {
       const std::string bits = depth == CV_8U ? "8" : "16";
       const Encoding grey{CV_MAKETYPE(depth, 1), {}};
@@ -52,7 +56,7 @@ const Encoding& encodingOf(const std::string& name) {
   if (found != encodings().end()) return found->second;
   throw DataError("the encoding \"" + name +
                   "\" cannot be converted to grey; supported are mono, colour and Bayer of 8 or "
-                  "16 bits, yuv422 and yuv422_yuy2");
+                  "16 bits, yuv422 (uyvy), yuv422_yuy2 (yuyv) and nv12");
 }
 
 /// Throws DataError.
@@ -62,9 +66,11 @@ void requireWholeImage(const RawImage& image, int type) {
     throw DataError("the step of " + std::to_string(step) + " bytes does not fit " +
                     std::to_string(image.width) + " pixels of " + image.encoding);
   }
-  if (image.bytes != step * image.height) {
+  // The colours of nv12 follow its grey values.
+  const std::size_t rows = image.encoding == "nv12" ? image.height * 3 / 2 : image.height;
+  if (image.bytes != step * rows) {
     throw DataError("the image holds " + std::to_string(image.bytes) + " bytes instead of " +
-                    std::to_string(step * image.height));
+                    std::to_string(step * rows));
   }
 }
 

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <ctime>
 #include <map>
+#include <numeric>
 #include <set>
 #include <utility>
 
@@ -167,7 +168,7 @@ std::vector<std::int64_t> readNumericStamps(const TextFile& text) {
       text.fail(i, "has " + std::to_string(words.size()) +
                        " words; one number a line is expected, a time");
     }
-    stamps.push_back(words[columns / 2]);
+    stamps.push_back(words[columns / 2].substr(0, words[columns / 2].find(',')));
     lines.push_back(i);
     const auto value = parseNumber<long double>(stamps.back());
     if (!value) text.fail(i, "'" + stamps.back().substr(0, 30) + "' is not a time");
@@ -249,28 +250,38 @@ NumberedFiles imageFiles(const fs::path& folder) {
   return numberedFiles(folder, {".png", ".jpg", ".jpeg"});
 }
 
-std::vector<std::int64_t> readImageStamps(const fs::path& file, const NumberedFiles& images) {
-  const std::size_t n = images.files.size();
-  std::vector<std::int64_t> all;
-  const TextFile text(file);
-  if (text.line(0).find(':') == std::string::npos) {
-    all = readNumericStamps(text);
-  } else {
-    for (std::size_t i = 0; i < text.size(); ++i) all.push_back(readUtc(text, i));
-  }
-  if (all.size() == n) return all;
+std::optional<std::vector<std::size_t>> linesOf(const NumberedFiles& images, std::size_t lines) {
+  std::vector<std::size_t> result(images.files.size());
+  std::iota(result.begin(), result.end(), 0);
+  if (lines == result.size()) return result;
   const std::vector<std::uint64_t>& numbers = images.numbers;
-  const bool is_range = !numbers.empty() && all.size() == numbers.back() - numbers.front() + 1;
+  const bool is_range = !numbers.empty() && lines == numbers.back() - numbers.front() + 1;
   // A single surplus line of images that are numbered from 1 may be any of them.
-  const bool is_part = !numbers.empty() && numbers.front() != 1 && all.size() > numbers.back();
-  if (!is_range && !is_part) {
+  const bool is_part = !numbers.empty() && numbers.front() != 1 && lines > numbers.back();
+  if (!is_range && !is_part) return std::nullopt;
+  for (std::size_t i = 0; i < result.size(); ++i) {
+    result[i] = is_range ? numbers[i] - numbers.front() : numbers[i];
+  }
+  return result;
+}
+
+std::vector<std::int64_t> readStamps(const fs::path& file) {
+  const TextFile text(file);
+  if (text.line(0).find(':') == std::string::npos) return readNumericStamps(text);
+  std::vector<std::int64_t> stamps_ns;
+  for (std::size_t i = 0; i < text.size(); ++i) stamps_ns.push_back(readUtc(text, i));
+  return stamps_ns;
+}
+
+std::vector<std::int64_t> readImageStamps(const fs::path& file, const NumberedFiles& images) {
+  const std::vector<std::int64_t> all = readStamps(file);
+  const auto lines = linesOf(images, all.size());
+  if (!lines) {
     throw DataError(file.string() + ": has " + std::to_string(all.size()) + " stamps for " +
-                    std::to_string(n) + " images");
+                    std::to_string(images.files.size()) + " images");
   }
   std::vector<std::int64_t> stamps_ns;
-  for (const std::uint64_t number : numbers) {
-    stamps_ns.push_back(all[is_range ? number - numbers.front() : number]);
-  }
+  for (const std::size_t line : *lines) stamps_ns.push_back(all[line]);
   return stamps_ns;
 }
 

@@ -1,6 +1,9 @@
 #include "ground_scale_vo/io/kitti_sequence.hpp"
 
+#include <algorithm>
 #include <cmath>
+#include <iterator>
+#include <optional>
 
 #include "common/files.hpp"
 #include "common/text.hpp"
@@ -31,26 +34,47 @@ std::string rawCamera(const fs::path& folder) {
   return firstCamera(folder, {"00", "01", "02", "03"});
 }
 
-void requirePoseOfEachImage(const fs::path& source, std::size_t poses, std::size_t images) {
-  if (poses == images) return;
-  throw DataError(source.string() + ": has " + std::to_string(poses) + " ground truth poses for " +
-                  std::to_string(images) + " images");
+/// The stamp nearest to each image's; empty: one is more than 10 ms away. stamps: ascending.
+std::optional<std::vector<std::size_t>> nearest(const std::vector<std::int64_t>& stamps,
+                                                const std::vector<std::int64_t>& images) {
+  constexpr std::int64_t kMaxDistance = 10'000'000;  // [ns]
+  std::vector<std::size_t> result;
+  for (const std::int64_t image : images) {
+    const auto after = std::lower_bound(stamps.begin(), stamps.end(), image);
+    const bool is_before = after == stamps.end() ||
+                           (after != stamps.begin() && image - *std::prev(after) < *after - image);
+    const auto best = is_before ? std::prev(after) : after;
+    if (std::abs(*best - image) > kMaxDistance) return std::nullopt;
+    result.push_back(static_cast<std::size_t>(best - stamps.begin()));
+  }
+  return result;
 }
 
-std::vector<Eigen::Isometry3d> readOdometryGroundTruth(const fs::path& folder, std::size_t images) {
+/// Those of the images. Throws DataError.
+template <typename T>
+std::vector<T> selected(const std::vector<T>& all,
+                        const std::optional<std::vector<std::size_t>>& lines,
+                        const fs::path& source, std::size_t images) {
+  if (!lines) {
+    throw DataError(source.string() + ": has " + std::to_string(all.size()) + " for " +
+                    std::to_string(images) + " images");
+  }
+  std::vector<T> result;
+  for (const std::size_t line : *lines) result.push_back(all[line]);
+  return result;
+}
+
+/// Empty: there is none.
+fs::path odometryGroundTruth(const fs::path& folder) {
   const fs::path elsewhere = folder.parent_path().parent_path() / "poses";
   for (const fs::path& file :
        {folder / "poses.txt", elsewhere / (folder.filename().string() + ".txt")}) {
-    if (!isThere(file)) continue;
-    std::vector<Eigen::Isometry3d> poses = readKittiPoses(file);
-    requirePoseOfEachImage(file, poses.size(), images);
-    return poses;
+    if (isThere(file)) return file;
   }
   return {};
 }
 
 std::vector<double> readGroundTruthHeights(const fs::path& file) {
-  if (!isThere(file)) return {};
   const TextFile text(file);
   std::vector<double> heights;
   for (std::size_t i = 0; i < text.size(); ++i) {
@@ -102,8 +126,8 @@ std::vector<Eigen::Isometry3d> readOxts(const fs::path& folder) {
   return poses;
 }
 
-/// T_c0_ci [m] from the GPS/IMU readings; empty unless these and the calibration from the GPS/IMU
-/// to the camera exist.
+/// T_w_c [m] at the GPS/IMU readings; empty unless these and the calibration from the GPS/IMU to
+/// the camera exist.
 std::vector<Eigen::Isometry3d> readRawGroundTruth(const fs::path& folder) {
   const fs::path oxts = folder / "oxts" / "data";
   const fs::path camera_calibration = folder.parent_path() / "calib_cam_to_cam.txt";
@@ -114,8 +138,7 @@ std::vector<Eigen::Isometry3d> readRawGroundTruth(const fs::path& folder) {
                                     readTransform(velo_calibration, "R:", "T:") *
                                     readTransform(imu_calibration, "R:", "T:");
   std::vector<Eigen::Isometry3d> poses = readOxts(oxts);
-  const Eigen::Isometry3d T_c0_w = T_c_imu * poses.front().inverse();
-  for (Eigen::Isometry3d& pose : poses) pose = T_c0_w * pose * T_c_imu.inverse();
+  for (Eigen::Isometry3d& pose : poses) pose = pose * T_c_imu.inverse();
   return poses;
 }
 
@@ -140,10 +163,13 @@ KittiSequence::KittiSequence(const fs::path& folder_as_given, const Options& opt
     throw DataError(folder.string() + ": has neither image_0 (KITTI odometry) nor image_00/data " +
                     "(KITTI raw)");
   }
-  const std::size_t heights = ground_truth_heights_.size();
-  if (heights > 0 && heights != size()) {
-    throw DataError(folder.string() + ": has " + std::to_string(heights) +
-                    " ground truth heights for " + std::to_string(size()) + " images");
+  if (!images_.warning.empty()) warnings_.push_back(images_.warning);
+  try {
+    readGroundTruth(folder);
+  } catch (const DataError& error) {
+    ground_truth_.clear();
+    ground_truth_heights_.clear();
+    warnings_.push_back(std::string("ground truth is not used: ") + error.what());
   }
 } catch (const fs::filesystem_error& error) {
   throw DataError(error.path1().string() + ": " + error.code().message());
@@ -157,16 +183,17 @@ void KittiSequence::readOdometry(const fs::path& folder, const std::string& came
     calibration_source_ = file.string() + " (P" + camera + ")";
   }
   setStamps(folder / "times.txt");
-  ground_truth_ = readOdometryGroundTruth(folder, size());
-  ground_truth_heights_ = readGroundTruthHeights(folder / "ground.txt");
 }
 
 void KittiSequence::readRaw(const fs::path& folder, const std::string& camera) {
   const fs::path images = folder / ("image_" + camera);
-  images_ = imageFiles(images / "data");
+  const bool is_360 = fs::is_directory(images / "data_rect");
+  images_ = imageFiles(images / (is_360 ? "data_rect" : "data"));
   setStamps(images / "timestamps.txt");
   if (options_.needs_calibration) {
-    const fs::path file = folder.parent_path() / "calib_cam_to_cam.txt";
+    const fs::path file =
+        is_360 ? folder.parent_path().parent_path() / "calibration" / "perspective.txt"
+               : folder.parent_path() / "calib_cam_to_cam.txt";
     calibration_ = readKittiRawCamera(file, camera, !options_.unrectified);
     calibration_source_ =
         file.string() + (options_.unrectified ? " (K_" : " (P_rect_") + camera + ")";
@@ -180,8 +207,29 @@ void KittiSequence::readRaw(const fs::path& folder, const std::string& camera) {
                       " and D_" + camera + " of " + file.string());
     }
   }
-  ground_truth_ = readRawGroundTruth(folder);
-  if (!ground_truth_.empty()) requirePoseOfEachImage(folder, ground_truth_.size(), size());
+}
+
+/// Throws DataError.
+void KittiSequence::readGroundTruth(const fs::path& folder) {
+  const bool is_raw = odometryCamera(folder).empty();
+  const fs::path poses = is_raw ? folder / "oxts" : odometryGroundTruth(folder);
+  if (!poses.empty()) {
+    const auto all = is_raw ? readRawGroundTruth(folder) : readKittiPoses(poses);
+    if (all.empty()) return;
+    auto lines = linesOf(images_, all.size());
+    // The readings may have another rate than the images.
+    if (const fs::path times = poses / "timestamps.txt"; is_raw && all.size() != size()) {
+      lines = gsv::isThere(times) && !stamps_ns_.empty() ? nearest(readStamps(times), stamps_ns_)
+                                                    : std::nullopt;
+    }
+    ground_truth_ = selected(all, lines, poses, size());
+    const Eigen::Isometry3d T_first_w = ground_truth_.front().inverse();
+    for (Eigen::Isometry3d& pose : ground_truth_) pose = T_first_w * pose;
+  }
+  if (const fs::path heights = folder / "ground.txt"; gsv::isThere(heights)) {
+    const std::vector<double> all = readGroundTruthHeights(heights);
+    ground_truth_heights_ = selected(all, linesOf(images_, all.size()), heights, size());
+  }
 }
 
 /// And the size of the images.

@@ -1,6 +1,10 @@
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdlib>
+#include <cstring>
+#include <fstream>
+#include <opencv2/core/utility.hpp>
 #include <opencv2/videoio.hpp>
 #include <utility>
 
@@ -50,8 +54,36 @@ class Files : public ImageSource {
   std::size_t index_ = 0;
 };
 
-/// As OpenCV decodes it with FFmpeg: grey, turned as its metadata say. Stamps are those of the
-/// video; phones record with a variable rate.
+/// Whether a file is MP4 (ISO 14496-12) and all of its boxes are in it. What is not read of such a
+/// file is hidden by its edit list, as after cutting without encoding.
+bool isWholeMp4(const fs::path& file) {
+  const std::uint64_t bytes = fs::file_size(file);
+  std::ifstream stream(file, std::ios::binary);
+  std::uint64_t at = 0;
+  while (at < bytes) {
+    std::array<unsigned char, 16> head{};
+    stream.seekg(static_cast<std::streamoff>(at));
+    stream.read(reinterpret_cast<char*>(head.data()), head.size());
+    if (at == 0 && std::memcmp(&head[4], "ftyp", 4) != 0) return false;
+    const auto number = [&](std::size_t i, std::size_t end) {
+      std::uint64_t n = 0;
+      for (; i < end; ++i) n = n << 8 | head[i];
+      return n;
+    };
+    const std::uint64_t size = number(0, 4) == 1 ? number(8, 16) : number(0, 4);
+    if (size == 0) return true;  // up to the end of the file
+    if (size < 8 || size > bytes - at) return false;
+    at += size;
+  }
+  return true;
+}
+
+/// Properties that OpenCV 4.2 does not have: the angle [degrees] by which the metadata turn the
+/// images clockwise, and whether OpenCV turns them.
+constexpr int kOrientation = 48, kTurnsImages = 49;
+
+/// As FFmpeg decodes it: grey, turned as its metadata say. Stamps are those of the video; phones
+/// record with a variable rate.
 class Video : public ImageSource {
  public:
   explicit Video(const std::filesystem::path& file) : name_(file.string()) {
@@ -59,6 +91,11 @@ class Video : public ImageSource {
     if (!capture_.open(name_, cv::CAP_FFMPEG)) {
       throw DataError(name_ + ": is not a video that OpenCV can read");
     }
+    capture_.set(kTurnsImages, 0);
+    const auto turns = std::lround(capture_.get(kOrientation) / 90);
+    // OpenCV 4.6 has the angle with the opposite sign.
+    const bool is_negative = cv::getVersionMajor() == 4 && cv::getVersionMinor() == 6;
+    quarter_turns_ = ((is_negative ? -turns : turns) % 4 + 4) % 4;
     count_ = static_cast<std::size_t>(std::max(0.0, capture_.get(cv::CAP_PROP_FRAME_COUNT)));
   }
 
@@ -69,12 +106,16 @@ class Video : public ImageSource {
   bool endsEarly(std::size_t read) const override {
     constexpr double kWhole = 0.95;
     const double declared_ms = 1e3 * static_cast<double>(count_) / capture_.get(cv::CAP_PROP_FPS);
-    return read + 2 + count_ / 100 < count_ && last_ms_ + interval_ms_ < kWhole * declared_ms;
+    return read + 2 + count_ / 100 < count_ && last_ms_ + interval_ms_ < kWhole * declared_ms &&
+           !isWholeMp4(name_);
   }
 
   std::optional<StoredImage> next() override {
     StoredImage image;
     if (!capture_.read(image.pixels)) return std::nullopt;
+    if (quarter_turns_ > 0) {
+      cv::rotate(image.pixels, image.pixels, static_cast<int>(quarter_turns_) - 1);
+    }
     double ms = capture_.get(cv::CAP_PROP_POS_MSEC);
     // OpenCV 4.6 reports 0 for the images that the decoder holds at the end of the file.
     if (!(ms > 0)) ms = last_ms_ + interval_ms_;
@@ -89,21 +130,39 @@ class Video : public ImageSource {
   const std::string name_;
   cv::VideoCapture capture_;
   std::size_t count_ = 0;
+  long quarter_turns_ = 0;  ///< clockwise
   double last_ms_ = 0, interval_ms_ = 0;
 };
 
+/// Where a folder other than KITTI's has its images, their stamps and their calibration.
+struct Layout {
+  const char *images, *stamps, *calibration;
+};
+
+Layout layoutOf(const fs::path& folder) {
+  constexpr Layout kLayouts[] = {
+      {"cam0/data", "cam0/data.csv", "cam0/sensor.yaml"},      // EuRoC: mav0
+      {"data", "data.csv", "sensor.yaml"},                     // EuRoC: mav0/cam0
+      {"frames/rgb/Camera_0", "times.txt", "intrinsic.txt"}};  // Virtual KITTI 2
+  for (const Layout& layout : kLayouts) {
+    if (fs::is_directory(folder / layout.images)) return layout;
+  }
+  return {"", "times.txt", ""};
+}
+
 std::unique_ptr<ImageSource> openFolder(const fs::path& folder, bool needs_stamps,
-                                        std::string* warning) {
-  const NumberedFiles images = imageFiles(folder);
-  *warning = images.warning;
+                                        std::vector<std::string>* warnings) {
+  const Layout layout = layoutOf(folder);
+  const NumberedFiles images = imageFiles(folder / layout.images);
+  if (!images.warning.empty()) warnings->push_back(images.warning);
   if (!needs_stamps) {
     return std::make_unique<Files>(folder.string(), images.files, std::vector<std::int64_t>());
   }
-  const fs::path times = folder / "times.txt";
+  const fs::path times = folder / layout.stamps;
   if (!isThere(times)) {
-    throw DataError(folder.string() +
-                    ": has no times.txt with a time for each image; if they come "
-                    "at a constant rate, state it with --fps N");
+    throw DataError(folder.string() + ": has no " + layout.stamps +
+                    " with a time for each image; if they come at a constant rate, state it with "
+                    "--fps N");
   }
   return std::make_unique<Files>(folder.string(), images.files, readImageStamps(times, images));
 }
@@ -135,31 +194,34 @@ std::unique_ptr<DriveReader> openDrive(const DriveInput& input, GroundTruth* tru
   if (!isThere(path)) throw DataError(path.string() + ": no such file or folder");
   requireNoBag(path);
   DriveReader::Calibration calibration;
-  if (!input.camera_file.empty()) {
-    calibration = {readCameraFile(input.camera_file), input.camera_file};
-  }
+  fs::path camera_file = input.camera_file;
   calibration.fov_deg = input.fov_deg;
-  const bool needs_calibration = input.camera_file.empty() && input.fov_deg == 0;
+  const bool needs_calibration = camera_file.empty() && input.fov_deg == 0;
+  const bool is_kitti = fs::is_directory(path) && KittiSequence::isThere(path);
+  if (needs_calibration && !is_kitti) {
+    camera_file = path / layoutOf(path).calibration;
+    if (!fs::is_regular_file(camera_file)) {
+      throw OptionError("--camera FILE is missing (or --fov DEGREES): " + path.string() +
+                        " does not contain its calibration, as a KITTI folder does");
+    }
+  }
+  if (!camera_file.empty()) calibration = {readCameraFile(camera_file), camera_file};
   std::unique_ptr<ImageSource> source;
-  std::string warning;
-  if (fs::is_directory(path) && KittiSequence::isThere(path)) {
+  std::vector<std::string> warnings;
+  if (is_kitti) {
     const KittiSequence sequence(path, {input.unrectified, needs_calibration, needs_stamps});
     source = std::make_unique<Files>(path.string(), sequence.files(), sequence.stamps());
-    warning = sequence.warning();
+    warnings = sequence.warnings();
     if (needs_calibration) {
       calibration = {sequence.calibration(), sequence.calibrationSource()};
     }
     if (truth) *truth = {sequence.groundTruth(), sequence.groundTruthHeights()};
   } else {
-    if (needs_calibration) {
-      throw OptionError("--camera FILE is missing: " + path.string() +
-                        " is no KITTI folder, which would contain its calibration");
-    }
-    source = fs::is_directory(path) ? openFolder(path, needs_stamps, &warning)
+    source = fs::is_directory(path) ? openFolder(path, needs_stamps, &warnings)
                                     : std::make_unique<Video>(path);
   }
   auto reader = std::make_unique<DriveReader>(std::move(source), calibration, input.options);
-  if (!warning.empty()) reader->warn(warning);
+  for (const std::string& warning : warnings) reader->warn(warning);
   return reader;
 }
 

@@ -207,6 +207,7 @@ ScaleRecoveryParams ScaleRecoveryParams::read(ParamReader& reader) {
         "neither camera_height [m] is set nor use_speed true: the scale needs the height of the "
         "camera above the road, or a speed of the vehicle on the topic speed");
   }
+  params.scale.validate();
   if (params.odom_frame.empty()) throw OptionError("parameter odom_frame is empty");
   if (params.odom_frame == params.base_frame) {
     throw OptionError("parameters odom_frame and base_frame are both \"" + params.odom_frame +

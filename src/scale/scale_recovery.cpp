@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "common/text.hpp"
 #include "common/time.hpp"
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/math.hpp"
@@ -23,6 +24,13 @@ constexpr double kMaxSpeed = 100;  ///< [m/s] of a pose: no road vehicle is fast
 void ScaleRecoveryOptions::validate() const {
   if (!use_speed || camera_height != 0) {
     requireInRange("camera_height", camera_height, kMinCameraHeight, kMaxCameraHeight);
+    const bool is_usual = camera_height >= kMinUsualHeight && camera_height <= kMaxUsualHeight;
+    if (!is_usual && !unusual_height) {
+      throw OptionError(
+          format("camera_height is %g m, on a road vehicle it is %g to %g m: is it in "
+                 "centimetres? If not, set unusual_height true",
+                 camera_height, kMinUsualHeight, kMaxUsualHeight));
+    }
   }
   requireInRanges(*this);
   requireInRange("gpe/max_half_width_heights", gpe.max_half_width_heights,

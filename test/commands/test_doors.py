@@ -12,7 +12,7 @@ import pytest
 import rosbag
 import rospy
 from bags import IMAGE, INFO
-from conftest import (CAMERA_HEIGHT, FRAMES, ROOT, TIMEOUT_S, images_of, roslaunch, run, tool, wait_until,
+from conftest import (CAMERA_HEIGHT, FRAMES, ROOT, TIMEOUT_S, camera_matrix, images_of, roslaunch, run, tool, wait_until,
                       write_camera)
 from geometry_msgs.msg import TwistStamped
 from ground_scale_vo.msg import ScaleEstimate
@@ -58,6 +58,51 @@ def video(**parts):
             file.write_bytes(file.read_bytes()[:int(parts["share"] * file.stat().st_size)])
         return file
     return make
+
+
+def cut_video(short, path):
+    """An MP4 whose edit list hides the first second, as after cutting without encoding."""
+    whole, cut = path.with_suffix(".mov"), path.with_suffix(".mp4")
+    run("ffmpeg", "-v", "error", "-framerate", 10, "-i", short / "image_0/%06d.png", "-c:v", "libx264", "-qp", 0, "-g", 200,
+        whole)
+    run("ffmpeg", "-v", "error", "-ss", 1, "-i", whole, "-c", "copy", cut)
+    return cut
+
+
+def euroc(short, path):
+    """mav0/cam0 of EuRoC."""
+    folder(lambda i: f"{1403636579763555584 + i * 10**8}.png", times=None)(short, path)
+    path.rename(path.with_name("data"))
+    path.mkdir()
+    path.with_name("data").rename(path / "data")
+    lines = [f"{file.stem},{file.name}" for file in sorted((path / "data").iterdir())]
+    (path / "data.csv").write_text("\n".join(["#timestamp [ns],filename", *lines, ""]))
+    height, width = images_of(short)[0].shape
+    (fx, _, cx), (_, fy, cy), _ = camera_matrix(short).tolist()
+    (path / "sensor.yaml").write_text(f"""sensor_type: camera
+rate_hz: 10
+resolution: [{width}, {height}]
+camera_model: pinhole
+intrinsics: [{fx}, {fy}, {cx}, {cy}]
+distortion_model: radial-tangential
+distortion_coefficients: [0, 0, 0, 0]
+""")
+    return path
+
+
+def virtual_kitti(short, path):
+    """Scene01/clone of Virtual KITTI 2."""
+    images = path / "frames/rgb/Camera_0"
+    images.parent.mkdir(parents=True)
+    folder(lambda i: f"rgb_{i:05}.png", times=None)(short, images)
+    (fx, _, cx), (_, fy, cy), _ = camera_matrix(short).tolist()
+    (path / "intrinsic.txt").write_text(f"frame cameraID K[0,0] K[1,1] K[0,2] K[1,2]\n0 0 {fx} {fy} {cx} {cy}\n")
+    return path
+
+
+def without_last_pose(path):
+    poses = (path / "poses.txt").read_text().splitlines(keepends=True)
+    (path / "poses.txt").write_text("".join(poses[:-1]))
 
 
 def kitti(change):
@@ -152,6 +197,10 @@ CASES = {
     "video": Case(video()),
     "one wrong stamp": Case(folder(times=lambda t: f"{t if round(10 * t) != 5 else 500:.1f}"), tolerance=0.02),
     "KITTI, image_2 only": Case(kitti(second_camera), ()),
+    "KITTI, one pose too few": Case(kitti(without_last_pose), ()),
+    "EuRoC": Case(euroc, ()),
+    "Virtual KITTI": Case(virtual_kitti, ("--fps", 10)),
+    "MP4 with an edit list": Case(cut_video, tolerance=0.03),
     "bag": Case(bag_of(), ("--rectified",)),
     "12 bits in a bag": Case(bag_of(lambda m: with_pixels(m, grey_of(m).astype(np.uint16) * 16, "mono16")), ("--rectified",)),
     "rgb8 in a bag": Case(bag_of(lambda m: with_pixels(m, cv2.cvtColor(grey_of(m), cv2.COLOR_GRAY2RGB), "rgb8")),
@@ -167,6 +216,8 @@ CASES = {
     "stamps of zero": Case(bag_of(unstamped), ("--rectified",), "the stamp is zero"),
     "calibration of another size": Case(folder(change=lambda image: image[::2, ::2]), ("--camera", "CALIB"),
                                         "is of another image size: its principal point"),
+    "calibration without a size, cropped images": Case(folder(change=lambda image: image[:200]), ("--camera", "CALIB"),
+                                                       "calib.txt states no image size, and its principal point"),
     "camera_info of another size": Case(bag_of(halved, smaller), ("--rectified",),
                                         "is of another image size: its principal point"),
     "size in the file": Case(folder(change=lambda image: image[::2, ::2]),

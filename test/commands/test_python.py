@@ -7,10 +7,13 @@ import math
 import os
 import re
 import shutil
+import struct
+import subprocess
 
+import cv2
 import numpy as np
 import pytest
-from conftest import BUILD, CAMERA_HEIGHT, FRAMES, ROOT, camera_matrix, poses_of, run
+from conftest import BUILD, CAMERA_HEIGHT, FRAMES, ROOT, camera_matrix, images_of, poses_of, run
 
 PAGES = [page for page in [ROOT / "README.md", *ROOT.glob("docs/**/*.md")]
          if "```python\nimport ground_scale_vo" in page.read_text()]
@@ -162,6 +165,34 @@ def test_arrays_of_more_bits_are_those_of_eight(gsv, short, results):
     assert twelve[-1].pose[:3, 3] == pytest.approx(results[-1].pose[:3, 3], abs=0.02)
 
 
+def test_unusual_height_is_confirmed(gsv):
+    gsv.MetricOdometry(gsv.Camera(96, 64, 60, 60, 48, 32), 30, unusual_height=True)
+
+
+@pytest.mark.parametrize("angle", [0, 90, 180, 270])
+def test_video_is_turned_as_ffmpeg_turns_it(gsv, shortest, tmp_path, angle):
+    video = tmp_path / "video.mov"
+    run("ffmpeg", "-v", "error", "-i", shortest / "image_0/%06d.png", "-frames:v", 3, "-c:v", "png", video)
+    data = bytearray(video.read_bytes())
+    matrix = data.index(b"tkhd") + 44  # ISO 14496-12: angle of the track header
+    c, s = ((1, 0), (0, 1), (-1, 0), (0, -1))[angle // 90]
+    data[matrix:matrix + 36] = struct.pack(">9i", c << 16, s << 16, 0, -s << 16, c << 16, 0, 0, 0, 1 << 30)
+    video.write_bytes(data)
+    height, width = images_of(shortest)[0].shape
+    if angle % 180:
+        width, height = height, width
+    camera = tmp_path / "camera.yaml"
+    camera.write_text(f"image_width: {width}\nimage_height: {height}\n"
+                      f"camera_matrix: {{data: [400, 0, {width / 2}, 0, 400, {height / 2}, 0, 0, 1]}}\n"
+                      "distortion_model: plumb_bob\ndistortion_coefficients: {data: [0, 0, 0, 0, 0]}\n")
+    subprocess.run(["ffmpeg", "-v", "error", "-i", video, "-pix_fmt", "gray", tmp_path / "%d.png"], check=True)
+    images = [image for image, _ in gsv.open_drive(video, camera=camera)]
+    assert len(images) == 3
+    for i, image in enumerate(images):
+        expected = cv2.imread(str(tmp_path / f"{i + 1}.png"), cv2.IMREAD_GRAYSCALE)
+        assert np.abs(image.astype(int) - expected).max() <= 2
+
+
 def test_calibration_of_another_size(gsv):
     with pytest.raises(gsv.DataError, match="the camera is of another image size"):
         gsv.MetricOdometry(gsv.Camera(96, 64, 120, 120, 96, 64), 1.5)
@@ -182,6 +213,10 @@ def test_calibration_of_another_size(gsv):
      "process(np.zeros((64, 96, 3), np.uint8), 1)"),
     (TypeError, "stamp is of type float, it must be an integer [ns]", "process(image, 0.1)"),
     (ValueError, "stamp is 5, it must be greater", "process(image, 5), process(image, 5)"),
+    (ValueError, "stamp is only 33 ns after that of the previous image: is it in milliseconds",
+     "process(image, 5), process(image, 38)"),
+    (ValueError, "camera_height is 120, it must lie in", "Odometry(camera, 120)"),
+    (ValueError, "camera_height is 30 m, on a road vehicle it is 0.2 to 5 m: is it in centimetres?", "Odometry(camera, 30)"),
     (ValueError, "record is False", "odometry.poses()"),
     (ValueError, "record is False", "odometry.smoothed()"),
     (ValueError, "ground_truth[0] is not a finite rigid transform",
@@ -201,7 +236,7 @@ def test_refuses(gsv, error, text, call):
 def test_strange_values_do_not_crash(gsv, tmp_path, monkeypatch):
     """Every call returns, or raises TypeError or ValueError with a sentence."""
     monkeypatch.chdir(tmp_path)
-    camera, image, stamps = gsv.Camera(96, 64, 60, 60, 48, 32), np.zeros((64, 96), np.uint8), itertools.count()
+    camera, image, stamps = gsv.Camera(96, 64, 60, 60, 48, 32), np.zeros((64, 96), np.uint8), itertools.count(0, 10**8)
     odometry = gsv.MetricOdometry(camera, 1.5, record=True)
     strange = [
         None, -1, 2**63, 10**400, math.inf, 1j, "", "\ud800", b"bytes", [], {}, object(), odometry, camera,

@@ -95,6 +95,7 @@ def test_refuses_to_overwrite_the_input(refused, shortest, tmp_path):
 
 @pytest.mark.parametrize("status, text, arguments", [
     (1, "none: no such file or folder", ["none", "--camera", "CALIB"]),
+    (2, "is it in centimetres? If not, set unusual_height true", ["SHORTEST", "--camera-height", 30]),
     (2, "--camera FILE is missing", ["empty.mp4"]),
     (2, "rectified is for the camera_info of a bag", ["SHORTEST", "--rectified"]),
     (1, "empty.mp4: is not a video", ["empty.mp4", "--camera", "CALIB"]),

@@ -80,6 +80,7 @@ def test_help_and_unknown_option(name):
     (2, "SEQ is missing", "evaluate --out OUT"),
     (1, "none: no such file or folder", "evaluate OUT/none --out OUT"),
     (2, "have the same name", "evaluate DRIVE OLD/shortest --out OUT"),
+    (2, "is it in centimetres? If not", "run_sequence DRIVE --camera-height 30 --out OUT"),
     (2, "camera_height is 0", "evaluate DRIVE --out OUT --camera-height 0"),
     (2, "unknown scenario", "evaluate --scenarios none --out OUT"),
     (1, "there is no bag", "demo --bag OUT/none.bag"),

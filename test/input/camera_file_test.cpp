@@ -98,6 +98,11 @@ TEST_F(CameraFile, ReadsTheFormatsOfOtherTools) {
        "[ -2.0e-01, 5.0e-02, 1.0e-03, -1.0e-03 ]\navg_reprojection_error: 0.1\n"},
       {kalibr + "  distortion_model: radtan\n"},
       {kalibr + "  distortion_model: equidistant\n", true},
+      {"%YAML:1.0\n# EuRoC\nsensor_type: camera\nT_BS:\n  cols: 4\n  rows: 4\n  data: "
+       "[1]\nrate_hz: "
+       "20\nresolution: [640, 480]\ncamera_model: pinhole\nintrinsics: [500, 510, 310, 230]\n"
+       "distortion_model: radial-tangential\ndistortion_coefficients: [-0.2, 0.05, 0.001, "
+       "-0.001]\n"},
       {vins_size + "model_type: PINHOLE\ndistortion_parameters:\n   k1: -0.2\n   k2: 0.05\n   p1: "
                    "0.001\n   p2: -0.001\nprojection_parameters:\n   fx: 500\n   fy: 510\n   cx: "
                    "310\n   cy: 230\n"},
@@ -160,6 +165,16 @@ TEST_F(CameraFile, ReadsKittiCalibrations) {
       write("calib.txt", "P0: 500 0 310 0 0 510 230 0 0 0 1 0\nP1: 1 0 2 0 0 3 4 0 0 0 1 0\n"));
   EXPECT_EQ(odometry.fy, 510);
   EXPECT_FALSE(odometry.hasSize());
+  const CameraCalibration sized =
+      readCameraFile(write("calib.txt", "P0: 500 0 310 0 0 510 230 0 0 0 1 0\nS0: 640 480\n"));
+  EXPECT_EQ(sized.width, 640);
+  EXPECT_EQ(sized.height, 480);
+  const CameraCalibration virtual_kitti =
+      readCameraFile(write("intrinsic.txt",
+                           "frame cameraID K[0,0] K[1,1] K[0,2] K[1,2]\n0 0 725 726 620.5 187\n"
+                           "0 1 7 7 6 1\n"));
+  EXPECT_EQ(virtual_kitti.fy, 726);
+  EXPECT_EQ(virtual_kitti.cx, 620.5);
   const auto raw = write("calib_cam_to_cam.txt",
                          "S_00: 1392 512\nK_00: 900 0 690 0 910 230 0 0 1\nD_00: -0.3 0.1 0 0 0\n"
                          "S_rect_00: 1242 375\nP_rect_00: 700 0 600 45 0 710 180 0 0 0 1 0\n");

@@ -7,7 +7,9 @@
 #include <string>
 #include <vector>
 
+#include "ground_scale_vo/common/error.hpp"
 #include "support/camera_info.hpp"
+#include "support/expect_throws.hpp"
 
 namespace gsv {
 namespace {
@@ -75,6 +77,22 @@ CameraInfo ofStereoPair(double direction) {
 }
 
 enum class Contradiction { kNone, kPossible, kCertain };
+
+TEST(CameraInfo, WithoutASizeHasThatOfTheImages) {
+  CameraInfo info = rawCamera(kBarrel);
+  info.width = info.height = 0;
+  const CameraCalibration camera = readCameraInfo(info, "/info", false);
+  EXPECT_FALSE(camera.hasSize());
+  EXPECT_EQ(camera.distortion, kBarrel);
+  EXPECT_EQ(rectificationContradiction(info, false, "/image").reason, "");
+  EXPECT_EQ(checkCalibration(camera, "/info", {640, 480}), "");
+  expectThrows<DataError>(
+      [&] {
+        checkCalibration(camera, "/info", {640, 400});
+      },
+      "/info states no image size, and its principal point (320, 240) is not "
+      "near the centre of images of 640x400");
+}
 
 TEST(RectificationCheck, FindsRawImagesTakenForRectifiedAndTheConverse) {
   constexpr auto kNone = Contradiction::kNone, kPossible = Contradiction::kPossible,

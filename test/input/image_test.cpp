@@ -57,9 +57,11 @@ struct Layout {
 
 const std::vector<Layout>& layouts() {
   static const std::vector<Layout> all = [] {
-    std::vector<Layout> list = {
-        {"8UC1", "y"},           {"8UC3", "bgr"},          {"8UC4", "bgrx"}, {"16UC1", "y", {}, 2},
-        {"16UC3", "bgr", {}, 2}, {"16UC4", "bgrx", {}, 2}, {"yuv422", "xy"}, {"yuv422_yuy2", "yx"}};
+    std::vector<Layout> list = {{"8UC1", "y"},           {"8UC3", "bgr"},
+                                {"8UC4", "bgrx"},        {"16UC1", "y", {}, 2},
+                                {"16UC3", "bgr", {}, 2}, {"16UC4", "bgrx", {}, 2},
+                                {"yuv422", "xy"},        {"yuv422_yuy2", "yx"},
+                                {"uyvy", "xy"},          {"yuyv", "yx"}};
     for (const int bytes : {1, 2}) {
       const std::string bits = bytes == 1 ? "8" : "16";
       list.push_back({"mono" + bits, "y", false, bytes});
@@ -141,6 +143,13 @@ TEST(GreyConverter, EveryEncodingOfASceneGivesTheSameGrey) {
   }
 }
 
+TEST(GreyConverter, TakesTheBrightnessOfNv12AndLeavesItsColoursOut) {
+  TestImage image = imageOf({"mono8", "y"}, 1, 6);
+  image.encoding = "nv12";
+  image.data.resize(image.data.size() * 3 / 2, 128);
+  EXPECT_LE(difference(GreyConverter().convert(image.raw())), 1);
+}
+
 /// The grey level of a mono16 image whose pixels are `number`, except the first `bright`, 4095.
 std::uint8_t greyOf(GreyConverter* converter, std::uint16_t number, std::size_t bright = 0) {
   constexpr std::uint32_t kSide = 100;
@@ -176,7 +185,7 @@ void expectRefused(const TestImage& image, const std::string& reason) {
 
 TEST(GreyConverter, RefusesUnsupportedEncodings) {
   for (const std::string encoding :
-       {"", "jpeg", "mono8 ", "8UC2", "8UC1000000000", "16SC1", "32FC1", "bayer_rggb", "nv12"}) {
+       {"", "jpeg", "mono8 ", "8UC2", "8UC1000000000", "16SC1", "32FC1", "bayer_rggb", "nv16"}) {
     expectRefused(plainImage(encoding, 4, 2, 4, 8),
                   "the encoding \"" + encoding + "\" cannot be converted to grey");
   }
@@ -199,6 +208,7 @@ TEST(GreyConverter, RefusesSizesThatDoNotFit) {
       {"bgr8", 4, 2, 11, 22, "the step of 11 bytes does not fit"},
       {"mono16", 4, 2, 9, 18, "the step of 9 bytes does not fit"},
       {"yuv422_yuy2", 4, 2, 7, 14, "the step of 7 bytes does not fit"},
+      {"nv12", 4, 2, 4, 8, "the image holds 8 bytes instead of 12"},
       {"mono8", kMaxUint32, 1, kMaxUint32, 1, "4294967295 x 1 is not plausible for a camera"},
       {"mono8", 1, kMaxUint32, 1, 1, "1 x 4294967295 is not plausible for a camera"},
       // step * height is 2^32, which is 0 in 32 bits.

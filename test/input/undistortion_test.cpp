@@ -123,6 +123,7 @@ TEST(Rectification, FollowsEveryDistortionModelWithRoiAndBinning) {
       {"fisheye", {0.1, -0.05, 0.02, -0.01}},
       {"plumb_bob", {}},
       {"", {0, 0, 0, 0, 0}},
+      {"", {-0.3, 0.1, 0.002, -0.003, -0.01}},
   };
   for (const auto& distortion : kDistortions) {
     SCOPED_TRACE(std::string(distortion.model) + " " + std::to_string(distortion.D.size()));
@@ -199,7 +200,10 @@ TEST(CameraInfo, RefusesInvalidCalibrationsAndNamesTopicAndReason) {
        "width * height [px] is 1e+10"},
       {[](Info* i) { i->distortion_model = "thin_prism"; },
        "\"thin_prism\"; supported are plumb_bob, rational_polynomial"},
-      {[](Info* i) { i->distortion_model.clear(), i->D[0] = 0.1; }, "distortion model is \"\""},
+      {[](Info* i) {
+         i->distortion_model.clear(), i->D = {0.1, 0, 0, 0};
+       },
+       "distortion model is \"\""},  // of a fisheye lens?
       {[](Info* i) { i->D = {0.1}; }, "coefficients, not 1"},
       {[](Info* i) { i->distortion_model = "equidistant"; }, "has 4 coefficients, not 5"},
       {[](Info* i) { setRoi(i, 641, 0, 10, 10); }, "ROI of 10x10 at (641, 0) is not inside"},

@@ -52,7 +52,7 @@ DriveReader reader(const std::vector<double>& stamps, std::size_t declared = 0, 
                    int type = CV_8UC1) {
   const std::size_t count = declared > 0 ? declared : stamps.size();
   return DriveReader(std::make_unique<Images>(stamps, count, type),
-                     {CameraCalibration{0, 0, 10, 10, 4, 3}, "camera.yaml"}, {"", fps});
+                     {CameraCalibration{0, 0, 10, 10, 3.5, 2.5}, "camera.yaml"}, {"", fps});
 }
 
 /// The stamps of the images as they come, negative for those that are not used [s].

@@ -79,6 +79,15 @@ class KittiSequences : public TemporaryFolder {
   std::string errorOf(const fs::path& sequence) const {
     return dataErrorOf([&] { KittiSequence{sequence}; }, folder_);
   }
+
+  void expectNoGroundTruth(const fs::path& folder, const std::string& reason) const {
+    const KittiSequence sequence(folder);
+    EXPECT_TRUE(sequence.groundTruth().empty() && sequence.groundTruthHeights().empty());
+    ASSERT_EQ(sequence.warnings().size(), 1u) << reason;
+    EXPECT_EQ(sequence.warnings()[0].find("ground truth is not used: " + folder_.string() + reason),
+              0u)
+        << sequence.warnings()[0];
+  }
 };
 
 TEST_F(KittiSequences, ReadsAnOdometryFolder) {
@@ -133,29 +142,51 @@ TEST_F(KittiSequences, RefusesBadFilesWithTheirNameAndLine) {
       {"calib.txt", "P0: 70 1 32 0 0 71 24 0 0 0 1 0\n",
        ", line 1: P0: is not the projection of a rectified pinhole camera"},
       {"calib.txt", "P0: -70 0 32 0 0 71 24 0 0 0 1 0\n", ", line 1: "},
-      {"poses.txt", kIdentityRow + kIdentityRow, ": has 2 ground truth poses for 3 images"},
+  };
+  for (const auto& [file, content, error] : kCases) {
+    write(std::string("sequences/07/") + file, content);
+    EXPECT_EQ(errorOf(folder).find("/sequences/07/" + std::string(file) + error), 0u)
+        << errorOf(folder);
+    makeOdometry();
+  }
+}
+
+TEST_F(KittiSequences, LeavesOutGroundTruthThatCannotBeUsed) {
+  const fs::path folder = makeOdometry();
+  const struct Case {
+    const char* file;
+    std::string content, error;
+  } kCases[] = {
+      {"poses.txt", kIdentityRow + kIdentityRow, ": has 2 for 3 images"},
       {"poses.txt", kIdentityRow + kIdentityRow + "1 0 0 1e300 0 1 0 0 0 0 1 0\n",
        ", line 3: its position is implausibly far away"},
       {"poses.txt", kIdentityRow + kIdentityRow + "1 0 0 0 0 1e308 0 0 0 0 1 0\n",
        ", line 3: its 3x3 is not a rotation"},
       {"ground.txt", "1.6 0 -1 0\n0 0 -1 0\n", ", line 2: its height is not positive"},
       {"ground.txt", "1.6 0 -1\n", ", line 1: has 3 numbers instead of 4"},
+      {"ground.txt", "1.6 0 -1 0\n1.7 0 -1 0\n", ": has 2 for 3 images"},
   };
   for (const auto& [file, content, error] : kCases) {
-    const bool existed = fs::exists(folder / file);
     write(std::string("sequences/07/") + file, content);
-    EXPECT_EQ(errorOf(folder).find("/sequences/07/" + std::string(file) + error), 0u)
-        << errorOf(folder);
-    if (existed) {
-      makeOdometry();
-    } else {
-      fs::remove(folder / file);
-    }
+    expectNoGroundTruth(folder, "/sequences/07/" + std::string(file) + error);
+    fs::remove(folder / file);
   }
-  write("sequences/07/ground.txt", "1.6 0 -1 0\n1.7 0 -1 0\n");
-  EXPECT_EQ(errorOf(folder), "/sequences/07: has 2 ground truth heights for 3 images");
   fs::create_symlink(folder / "none", folder / "poses.txt");
-  EXPECT_EQ(errorOf(folder), "/sequences/07/poses.txt: is a link to nothing");
+  expectNoGroundTruth(folder, "/sequences/07/poses.txt: is a link to nothing");
+}
+
+TEST_F(KittiSequences, FindsTheGroundTruthOfAPartByItsNumbers) {
+  const fs::path folder = makeOdometry();
+  fs::rename(folder / "image_0/000000.png", folder / "image_0/000003.png");
+  fs::rename(folder / "image_0/000001.png", folder / "image_0/000004.png");
+  std::string poses;
+  for (int i = 0; i < 6; ++i) poses += "1 0 0 " + std::to_string(i) + " 0 1 0 0 0 0 1 0\n";
+  write("sequences/07/poses.txt", poses);
+  const KittiSequence sequence(folder);
+  ASSERT_EQ(sequence.groundTruth().size(), 3u);
+  EXPECT_EQ(sequence.groundTruth()[0].translation().x(), 0);
+  EXPECT_EQ(sequence.groundTruth()[2].translation().x(), 2);
+  EXPECT_TRUE(sequence.warnings().empty());
 }
 
 // What a file must hold: EncodedImage.
@@ -215,12 +246,12 @@ TEST_F(KittiSequences, ReadsPartsAndNamesMissingNumbers) {
   write("sequences/07/times.txt", "0\n.1\n.2\n.3\n.4\n.5\n.6\n");
   EXPECT_EQ(KittiSequence(folder).stampNs(2), 500000000);  // by its number
   EXPECT_EQ(
-      KittiSequence(folder).warning().substr(folder_.string().size()),
+      KittiSequence(folder).warnings().at(0).substr(folder_.string().size()),
       "/sequences/07/image_0: 3 of the image numbers 0 to 5 are missing, the first one after 1");
   rename(0, 3);
   rename(1, 4);
   EXPECT_EQ(KittiSequence(folder).stampNs(0), 300000000);
-  EXPECT_EQ(KittiSequence(folder).warning(), "");
+  EXPECT_TRUE(KittiSequence(folder).warnings().empty());
   write("sequences/07/times.txt", "0\n.1\n.2\n.3\n");
   EXPECT_EQ(errorOf(folder), "/sequences/07/times.txt: has 4 stamps for 3 images");
 }
@@ -325,21 +356,50 @@ TEST_F(KittiSequences, RefusesBadRawStamps) {
   EXPECT_EQ(sequence.stampNs(1) - sequence.stampNs(0), 1'000'000'000);
 }
 
-TEST_F(KittiSequences, RefusesBadRawGroundTruth) {
+TEST_F(KittiSequences, LeavesOutRawGroundTruthThatCannotBeUsed) {
   const fs::path drive = makeRaw();
   addOxts();
   std::string zeros;
   for (int i = 0; i < 28; ++i) zeros += " 0";
   const std::string oxts = "2011_09_26/drive_0001_sync/oxts/data/0000000001.txt";
   write(oxts, "49 8 116 0 0 0 1\n");
-  EXPECT_EQ(errorOf(drive), "/" + oxts + ", line 1: has 7 numbers instead of 30");
+  expectNoGroundTruth(drive, "/" + oxts + ", line 1: has 7 numbers instead of 30");
   write(oxts, "91 8" + zeros + "\n");
-  EXPECT_EQ(errorOf(drive),
-            "/" + oxts + ", line 1: its latitude is not between -90 and 90 degrees");
+  expectNoGroundTruth(drive,
+                      "/" + oxts + ", line 1: its latitude is not between -90 and 90 degrees");
   fs::remove(folder_ / oxts);
-  EXPECT_EQ(errorOf(drive), "/2011_09_26/drive_0001_sync: has 1 ground truth poses for 2 images");
+  expectNoGroundTruth(drive, "/2011_09_26/drive_0001_sync/oxts: has 1 for 2 images");
   write("2011_09_26/calib_velo_to_cam.txt", "R: 0 0 0 0 0 0 0 0 0\nT: 0 0 0\n");
-  EXPECT_EQ(errorOf(drive), "/2011_09_26/calib_velo_to_cam.txt, line 1: R: is not a rotation");
+  expectNoGroundTruth(drive, "/2011_09_26/calib_velo_to_cam.txt, line 1: R: is not a rotation");
+}
+
+TEST_F(KittiSequences, FindsGroundTruthOfAnotherRateByItsStamps) {
+  const fs::path drive = makeRaw();
+  addOxts();
+  const std::string oxts = "2011_09_26/drive_0001_sync/oxts/";
+  fs::rename(folder_ / (oxts + "data/0000000001.txt"), folder_ / (oxts + "data/0000000010.txt"));
+  std::string times, rest;
+  for (int i = 0; i < 24; ++i) rest += " 0";
+  for (int i = 0; i < 12; ++i) {
+    times += "2011-09-26 13:02:" + std::to_string(25.966 + 0.01 * i) + "\n";
+    if (i % 10 != 0)
+      write(oxts + "data/" + number(i, 10) + ".txt", "49.1 8.4 0 0 0 0" + rest + "\n");
+  }
+  expectNoGroundTruth(drive, "/2011_09_26/drive_0001_sync/oxts: has 12 for 2 images");
+  write(oxts + "timestamps.txt", times);
+  const KittiSequence sequence(drive);
+  ASSERT_EQ(sequence.groundTruth().size(), 2u);
+  EXPECT_NEAR(sequence.groundTruth()[1].translation().norm(), 0.9, 0.1);
+}
+
+TEST_F(KittiSequences, ReadsADriveOfKitti360) {
+  const fs::path drive = makeRaw();
+  fs::rename(drive / "image_00/data", drive / "image_00/data_rect");
+  write("calibration/perspective.txt",
+        "calib_time: 01-Jan-2018\nS_rect_00: 64 48\nP_rect_00: 72 0 32 0 0 72 30 0 0 0 1 0\n");
+  const KittiSequence sequence(drive);
+  EXPECT_EQ(sequence.size(), 2u);
+  EXPECT_TRUE(isSameCamera(sequence.camera(), {64, 48, 72, 72, 32, 30}));
 }
 
 // The expected motion is composed from the files' numbers with Eigen.

@@ -61,6 +61,7 @@ TEST(ParamReader, RefusalsNameTheParameterAndItsRange) {
   expectRefused("camera_height", -1.0,
                 "parameter /car/scale_recovery/camera_height is -1, it must lie in [0.05, 100]");
   expectRefused("camera_height", std::nan(""), "nan");
+  expectRefused("camera_height", 30.0, "camera_height is 30 m, on a road vehicle it is 0.2 to 5 m");
   expectRefused("camera_height", "high", "camera_height: 'high' is not a number");
   expectRefused("random_seed", 1.5, "random_seed: '1.5' is not an integer");
   expectRefused("publish_tf", 1, "publish_tf is '1', it must be true or false");

@@ -82,7 +82,8 @@ struct CameraCalibration {
   /// The distortion is none or plumb_bob with at most 5 coefficients.
   bool isPlumbBob() const;
 
-  /// The model by its name in ROS, Kalibr or OpenCV; "" or "none": coefficients that are all zero.
+  /// The model by its name in ROS, Kalibr or OpenCV. Coefficients that are all zero need none (""
+  /// or "none"), and five or more without one are those of plumb_bob.
   /// Throws OptionError.
   void setDistortion(const std::string& name, const std::vector<double>& coefficients);
 
@@ -111,8 +112,9 @@ PinholeCamera pinholeOf(const CameraCalibration& calibration);
 
 /// Throws DataError, with the likely size, when a calibration cannot be that of images of this
 /// size: it has another one, or its principal point is the centre of the image times one factor in
-/// both coordinates. Returns a warning when the principal point is far from the centre, as of
-/// cropped images, else an empty text. source: names the calibration.
+/// both coordinates; or it has none, and its principal point is not near the centre. Returns a
+/// warning when the principal point is far from the centre, as of cropped images, else an empty
+/// text. source: names the calibration.
 std::string checkCalibration(const CameraCalibration& calibration, const std::string& source,
                              const cv::Size& images);
 

@@ -12,10 +12,12 @@ namespace gsv {
 ///    with three keys of this project: estimated_from_drives (true), k1_sigma, readout_time [s].
 ///    Rectification and projection matrix are not used: a single camera needs none, its undistorted
 ///    images keep the camera matrix.
-///  - Kalibr camchain (the first camera);
+///  - Kalibr camchain (the first camera), and sensor.yaml of EuRoC;
 ///  - OpenCV's YAML (camera_matrix and distortion_coefficients, as its calibration sample writes);
 ///  - ORB-SLAM (Camera.fx ...; Camera1.fx ...) and VINS (projection_parameters ...);
-///  - KITTI calib.txt (P0) and calib_cam_to_cam.txt (P_rect_00), both of rectified images.
+///  - KITTI calib.txt (P0; the size of the images may be added as S0), calib_cam_to_cam.txt and
+///    KITTI-360's perspective.txt (P_rect_00, S_rect_00), and Virtual KITTI's intrinsic.txt, all of
+///    rectified images.
 /// Throws DataError that names the file, also for another camera model.
 CameraCalibration readCameraFile(const std::filesystem::path& file);
 
@@ -23,7 +25,8 @@ CameraCalibration readCameraFile(const std::filesystem::path& file);
 /// camera: "00" to "03". rectified: P_rect and S_rect instead. Throws DataError.
 CameraCalibration readKittiRawCamera(const std::filesystem::path& file, const std::string& camera,
                                      bool rectified);
-/// The camera of rectified images from the 3x4 projection matrix after `key`, row by row. No size.
+/// The camera of rectified images from the 3x4 projection matrix after `key`, row by row, and the
+/// size after the same key with S, where there is one.
 CameraCalibration readKittiProjection(const std::filesystem::path& file, const std::string& key);
 
 /// YAML of camera_calibration. comment: lines for its head, without '#'.

@@ -23,7 +23,8 @@ struct RawImage {
 
 /// The pixels without a copy, in the byte order of this machine (with a copy where it differs).
 /// Throws DataError: no pixels, a side above kMaxImageSide, an encoding without a grey value, a
-/// step that does not fit the width, data shorter or longer than step * height.
+/// step that does not fit the width, data shorter or longer than step * height (of nv12 one and a
+/// half times that).
 cv::Mat pixelsOf(const RawImage& image);
 
 /// The pixels of a whole PNG or JPEG image as they are stored, of 8 or 16 bits and 1, 3 (BGR) or 4
@@ -44,8 +45,9 @@ cv::Mat readPixels(const std::filesystem::path& file);
 /// GreyConverter for all.
 cv::Mat readGreyImage(const std::filesystem::path& file);
 
-/// Converts images to 8-bit grey. Encodings: mono, colour and Bayer of 8 or 16 bits, yuv422 and
-/// yuv422_yuy2; 8UC1 and 16UC1 count as mono, 8UC3 as bgr8, 8UC4 as bgra8, and so on.
+/// Converts images to 8-bit grey. Encodings: mono, colour and Bayer of 8 or 16 bits, yuv422
+/// (uyvy), yuv422_yuy2 (yuyv) and nv12; 8UC1 and 16UC1 count as mono, 8UC3 as bgr8, 8UC4 as bgra8,
+/// and so on.
 ///
 /// Most 16-bit cameras use fewer bits. The conversion to 8 bits divides by the range in use (8, 10,
 /// 12, 14 or 16 bits), apart from the brightest 0.1 % of the pixels, which saturate: that of the

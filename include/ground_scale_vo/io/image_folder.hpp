@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -24,13 +25,17 @@ NumberedFiles numberedFiles(const std::filesystem::path& folder,
 /// The images of a folder: PNG and JPEG.
 NumberedFiles imageFiles(const std::filesystem::path& folder);
 
-/// The stamp [ns] of each image, from a text file with one number a line: seconds, milliseconds,
+/// The line of each image, from 0, in a file with this many. With more lines than images the number
+/// in the name of an image is that of its line, as in a part of a KITTI sequence. Empty: not known.
+std::optional<std::vector<std::size_t>> linesOf(const NumberedFiles& images, std::size_t lines);
+
+/// The stamps [ns] in a text file with one number a line: seconds, milliseconds,
 /// microseconds or nanoseconds, whichever gives a plausible frame rate; of the three columns of
-/// TUM's times.txt the second one; or times such as 2011-09-26 13:02:25.964389445 (UTC). Lines that
-/// begin with # are ignored.
-///
-/// With more lines than images the number in the name of an image is that of its line, counted from
-/// 0, as in a part of a KITTI sequence. Throws DataError: names file and line.
+/// TUM's times.txt the second one; of EuRoC's data.csv the first one; or times such as 2011-09-26
+/// 13:02:25.964389445 (UTC). Lines that begin with # are ignored. Throws DataError that names file
+/// and line.
+std::vector<std::int64_t> readStamps(const std::filesystem::path& file);
+/// The same of each image. Throws DataError: linesOf() does not know them.
 std::vector<std::int64_t> readImageStamps(const std::filesystem::path& file,
                                           const NumberedFiles& images);
 

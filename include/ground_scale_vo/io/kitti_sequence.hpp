@@ -22,9 +22,11 @@ namespace gsv {
 ///  - KITTI raw drive: `image_00/data/N.png|jpg` (or image_01 ...), `image_00/timestamps.txt`,
 ///    `../calib_cam_to_cam.txt` (`P_rect_00:`; of a drive before rectification `K_00:` and
 ///    `D_00:`), ground truth from `oxts/data/*.txt` with `../calib_imu_to_velo.txt` and
-///    `../calib_velo_to_cam.txt` where all of these exist.
+///    `../calib_velo_to_cam.txt` where all of these exist. Also a drive of KITTI-360, with
+///    `image_00/data_rect/N.png` and `../../calibration/perspective.txt`, without ground truth.
 /// Files and stamps: imageFiles(), readImageStamps(). Stamps of raw drives are UTC since the epoch.
-/// Ground truth has a pose for each image.
+/// Ground truth has a pose for each image, by linesOf() or, of the GPS/IMU, by the stamps in
+/// `oxts/timestamps.txt`; if it has not, or cannot be read, a warning says so.
 class KittiSequence {
  public:
   /// Whether a folder has one of the layouts.
@@ -36,7 +38,7 @@ class KittiSequence {
     bool needs_stamps = true;
   };
   /// Throws DataError: no such folder, neither layout, missing or malformed file (names file and
-  /// line), no stamp for each image, or not one ground truth pose or height per image.
+  /// line), or no stamp for each image.
   explicit KittiSequence(const std::filesystem::path& folder) : KittiSequence(folder, Options{}) {}
   KittiSequence(const std::filesystem::path& folder, const Options& options);
 
@@ -52,8 +54,8 @@ class KittiSequence {
   const std::vector<std::int64_t>& stamps() const { return stamps_ns_; }  ///< [ns]
 
   const std::vector<std::filesystem::path>& files() const { return images_.files; }
-  /// Something about the images that may be wrong, or empty.
-  const std::string& warning() const { return images_.warning; }
+  /// Sentences about what may be wrong with the images, and why ground truth is not used.
+  const std::vector<std::string>& warnings() const { return warnings_; }
   /// 8-bit grey of a single image. Throws DataError (unreadable, truncated, another size than the
   /// first image). Thread safe.
   cv::Mat image(std::size_t i) const;
@@ -68,6 +70,7 @@ class KittiSequence {
   void readOdometry(const std::filesystem::path& folder, const std::string& camera);
   void readRaw(const std::filesystem::path& folder, const std::string& camera);
   void setStamps(const std::filesystem::path& file);
+  void readGroundTruth(const std::filesystem::path& folder);
 
   const Options options_;
   std::string name_, calibration_source_;
@@ -77,6 +80,7 @@ class KittiSequence {
   std::vector<std::int64_t> stamps_ns_;
   std::vector<Eigen::Isometry3d> ground_truth_;
   std::vector<double> ground_truth_heights_;
+  std::vector<std::string> warnings_;
 };
 
 }  // namespace gsv

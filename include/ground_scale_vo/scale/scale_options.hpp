@@ -11,6 +11,8 @@ namespace gsv {
 
 /// [m] range of the camera height above the road.
 constexpr double kMinCameraHeight = 0.05, kMaxCameraHeight = 100;
+/// Of a camera on a road vehicle; others need ScaleRecoveryOptions::unusual_height.
+constexpr double kMinUsualHeight = 0.2, kMaxUsualHeight = 5;
 /// Relative standard deviation of a camera height that was measured with care.
 constexpr double kUsualHeightSigma = 0.01;
 
@@ -232,6 +234,7 @@ struct ScaleRecoveryOptions {
   /// h* above the road [m]; 0: not known, which needs use_speed.
   double camera_height = 0;
   double camera_height_sigma = -1;  ///< [m] negative: kUsualHeightSigma
+  bool unusual_height = false;      ///< camera_height may be any
   bool use_speed = false;           ///< addSpeed() will be called
   double speed_sigma = 0.05;
   double speed_scale_sigma = 0;
@@ -253,6 +256,7 @@ struct ScaleRecoveryOptions {
     visit("camera_height_sigma", self.camera_height_sigma, -1, 10,
           "[m] standard deviation of camera_height, which speeds then correct; 0: it is exact; "
           "negative: 1 % of it");
+    visit("unusual_height", self.unusual_height, "[] confirms a camera_height outside 0.2 to 5 m");
     visit("use_speed", self.use_speed,
           "[] use speeds of the vehicle; camera_height may then be left out");
     visit("speed_sigma", self.speed_sigma, 1e-4, 100,

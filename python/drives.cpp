@@ -238,11 +238,11 @@ gsv::RepeatableDrive toDrive(const py::object& open, const std::string& name,
 }
 
 /// Runs the odometry over a drive, shows the progress and writes the results. open: () -> Reader.
-/// is_smooth: DriveRun::Options::smooth, with lensOfDrive(). Returns warnings, summary, failure and
-/// exit status.
+/// is_smooth: DriveRun::Options::smooth, with lensOfDrive(). is_rough: of lensOfDrive(). Returns
+/// warnings, summary, failure and exit status.
 py::dict run(const py::object& open, const std::string& name, double camera_height,
              const std::vector<std::string>& settings, const std::string& speed_file,
-             const std::string& folder, bool is_smooth, bool is_strict) {
+             const std::string& folder, bool is_smooth, bool is_rough, bool is_strict) {
   const auto reader = open().cast<ReaderPtr>();
   const gsv::RepeatableDrive images = toDrive(open, name + ", lens", reader->drive->camera());
   gsv::DriveRun result;
@@ -252,9 +252,9 @@ py::dict run(const py::object& open, const std::string& name, double camera_heig
     options.odometry.scale.camera_height = camera_height;
     options.settings = settings;
     if (!speed_file.empty()) options.speeds = gsv::readSpeeds(speed_file);
-    if (is_smooth) {
-      options.smooth = true;
-      options.lens = gsv::lensOfDrive(images, *reader->drive, options);
+    options.smooth = is_smooth;
+    if (is_smooth || is_rough) {
+      options.lens = gsv::lensOfDrive(images, *reader->drive, options, is_rough);
     }
     gsv::RunProgress progress(name, reader->drive->count());
     result = gsv::runDrive(reader->drive.get(), options,
@@ -338,7 +338,7 @@ void calibrateLens(const std::vector<py::object>& drives, const std::vector<std:
   const gsv::CameraCalibration given = first->drive->camera();
   const gsv::Lens start = gsv::lensOf(given);
   gsv::LensCalibration::Options options;
-  if (is_rough) options.expectRoughStart(start.camera.width);
+  options.is_rough = is_rough;
   options.vo.readout_time = given.readout_time;
   for (const std::string& setting : settings) gsv::setOption(options, setting);
   std::vector<gsv::RepeatableDrive> repeatable;

@@ -160,7 +160,7 @@ def estimate_height(open_reader: Callable[[], Any], name: str, arguments: Any,
     """Runs the odometry over the drive and writes arguments.out. open_reader(): its images; fixes(): stamps, positions and sigma of --gps."""
     _core.require_new_file(str(arguments.out), arguments.force)
     with tempfile.TemporaryDirectory() as work:
-        result = _core.run(open_reader, name, 1.0, ["camera_height_sigma=0", *arguments.set], "", work, False, False)
+        result = _core.run(open_reader, name, 1.0, ["camera_height_sigma=0", *arguments.set], "", work, False, False, False)
         for sentence in result["warnings"]:
             print(f"{name}: {sentence}", file=sys.stderr)
         print(f"{name}, in camera heights instead of metres: {result['summary']}")

@@ -14,6 +14,7 @@ def parse(arguments):
         prog="ground_scale_vo", description="Metric monocular visual odometry without ROS.",
         epilog="Exit status: 0 done, 1 the data cannot be used or only in part (the reason is printed), 2 the arguments "
         "cannot be used.")
+    parser.add_argument("--version", action="version", version=f"ground_scale_vo {_core.__version__}")
     commands = parser.add_subparsers(dest="command", required=True)
     add_run(commands.add_parser("run", help="processes a drive and writes its trajectory and plots"))
     add_calibrate(commands.add_parser(
@@ -39,9 +40,17 @@ CAMERA = dict(type=pathlib.Path, metavar="FILE",
               "camchain, OpenCV, ORB-SLAM or VINS, or KITTI calib.txt; required except for a KITTI folder and a bag with the topic camera_info beside the images")
 
 
+def add_calibration(command):
+    start = command.add_mutually_exclusive_group()
+    start.add_argument("--camera", **CAMERA)
+    start.add_argument("--fov", type=float, metavar="DEG",
+                       help="horizontal field of view [degrees], when there is no calibration: the lens is estimated from "
+                       "the drive, which needs turns; may be wrong by 15 %%")
+
+
 def add_run(command):
     command.add_argument("input", **INPUT)
-    command.add_argument("--camera", **CAMERA)
+    add_calibration(command)
     command.add_argument("--refine-camera", action="store_true",
                          help="the default: estimate the lens error that the calibration has left while driving. "
                          "--set refine_camera=false: the calibration is exact")
@@ -61,10 +70,7 @@ def add_run(command):
 
 def add_calibrate(command):
     command.add_argument("inputs", nargs="+", **INPUT)
-    start = command.add_mutually_exclusive_group()
-    start.add_argument("--camera", **CAMERA)
-    start.add_argument("--fov", type=float, metavar="DEG",
-                       help="horizontal field of view, when there is no calibration; may be wrong by 15 %%")
+    add_calibration(command)
     command.add_argument("--out", type=pathlib.Path, default=pathlib.Path("camera.yaml"), metavar="FILE",
                          help="YAML of camera_calibration (default: camera.yaml); beside it FILE.png with the mean "
                          "residuals over the image")
@@ -146,9 +152,9 @@ def run(arguments):
         raise ValueError(f"--out {arguments.out} would write the results to the input")
     if arguments.camera_height is None and not arguments.speed:
         raise ValueError("--camera-height is needed, or --speed, see --help")
-    open_reader = opener(arguments.input, arguments)
+    open_reader = opener(arguments.input, arguments, arguments.fov or 0.0)
     result = _core.run(open_reader, name, arguments.camera_height or 0.0, arguments.set,
-                       str(arguments.speed or ""), str(folder), arguments.smooth, arguments.strict)
+                       str(arguments.speed or ""), str(folder), arguments.smooth, bool(arguments.fov), arguments.strict)
     draw(folder)
     write_page(folder, open_reader)
     for sentence in result["warnings"]:

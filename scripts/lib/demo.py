@@ -20,7 +20,7 @@ import tempfile
 import threading
 import time
 
-from environment import Parser, build, private_master, run
+from environment import LIB, Parser, build, private_master, run
 
 # What the demo runs.
 TARGETS = ("ground_scale_vo_generate_messages", "ground_scale_vo_nodelets", "render_drive", "kitti_to_bag",
@@ -63,9 +63,13 @@ def parse():
                         help="the images are rectified, and P of camera_info is their projection (default: topics of /kitti)")
     parser.add_argument("--unrectified", action="store_false", dest="rectified",
                         help="the images are distorted, as K and D describe")
-    parser.add_argument("--camera", type=path, metavar="FILE",
-                        help="YAML of camera_calibration or scripts/calibrate_camera that describes the images as they come, "
-                        "instead of camera_info")
+    calibration = parser.add_mutually_exclusive_group()
+    calibration.add_argument("--camera", type=path, metavar="FILE",
+                             help="YAML of camera_calibration or scripts/calibrate_camera that describes the images as they come, "
+                             "instead of camera_info")
+    calibration.add_argument("--fov", type=positive, metavar="DEG",
+                             help="horizontal field of view [degrees], when there is no calibration: the lens is estimated from "
+                             "the bag first, which needs turns, as by scripts/calibrate_camera")
     parser.add_argument("--mask", type=path, metavar="FILE",
                         help="image of the size of the bag's images, black where they never show the scene (hood, watermark)")
     parser.add_argument("--base-frame", default="", metavar="FRAME",
@@ -224,6 +228,11 @@ def main():
         if sequence:
             bags = [pathlib.Path(work) / f"{arguments.name}.bag"]
             subprocess.run([tools / "kitti_to_bag", sequence, "--out", bags[0]], check=True)
+        if arguments.fov:
+            arguments.camera = results / "lens.yaml"
+            subprocess.run([LIB.parent / "calibrate_camera", *bags, "--fov", str(arguments.fov), "--out", arguments.camera, "--force",
+                            *(["--image", arguments.image] if arguments.image else []),
+                            *(["--mask", arguments.mask] if arguments.mask else [])], check=True)
         if not play(bags, results, arguments):
             return 1
         subprocess.run([tools / "evaluate_bag", "--played", *bags, "--recorded", results / "recorded.bag", "--out", results,

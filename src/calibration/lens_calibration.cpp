@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <opencv2/imgproc.hpp>
 
 #include "common/text.hpp"
@@ -13,6 +14,29 @@ namespace {
 /// Prior of a start from a field of view.
 constexpr double kRoughFocalSigma = 0.2;
 constexpr double kRoughCentreSigma = 0.016;  // [image widths]
+constexpr double kRoughK1Sigma = 0.1, kRoughK2Sigma = 0.1;
+/// The lens of the first run is wrong: it need not determine the principal point as well.
+constexpr double kFirstRunFactor = 3;
+/// Least number of tracks of a start, as a share of that of the start with most: the odometry of a
+/// wrong lens is lost, and what it has tracked before fits.
+constexpr double kMinTracks = 0.7;
+/// Keyframes with which the starts are compared.
+constexpr std::size_t kStartKeyframes = 60;
+
+/// Lenses with the field of view of a pinhole, and the radial distortion of dash cams and phones;
+/// without those whose distorted radius would decrease within the image.
+std::vector<Lens> startsOf(const Lens& pinhole) {
+  const double r = 0.5 * pinhole.camera.width / pinhole.camera.fx;  // at the border
+  std::vector<Lens> starts;
+  for (const double k1 : {0.0, -0.1, -0.2, -0.3, -0.4, 0.1}) {
+    if (1 + 3 * k1 * r * r < 0.1) continue;
+    starts.push_back(pinhole);
+    starts.back().k1 = k1;
+    starts.back().camera.fx /= 1 + k1 * r * r;
+    starts.back().camera.fy /= 1 + k1 * r * r;
+  }
+  return starts;
+}
 
 /// Least number of observations of an arrow, and its magnification.
 constexpr int kMinObservations = 10;
@@ -34,12 +58,6 @@ LensEstimate meanOf(const std::vector<LensVector>& lenses, const Lens& origin,
 
 }  // namespace
 
-void LensCalibration::Options::expectRoughStart(int image_width) {
-  estimator.prior_focal_sigma = kRoughFocalSigma;
-  estimator.prior_centre_sigma_px = kRoughCentreSigma * image_width;
-  max_runs *= 2;
-}
-
 void LensCalibration::Options::validate() const {
   requireInRanges(*this);
   requireInRange("max_runs", max_runs, 1, 100);
@@ -52,31 +70,67 @@ LensCalibration::LensCalibration(const Options& options) : options_(options) {
 }
 
 LensEstimator LensCalibration::track(const RepeatableDrive& drive, const Lens& lens,
-                                     const cv::Mat& mask) const {
+                                     const cv::Mat& mask, bool is_first,
+                                     std::size_t max_keyframes) const {
   const Undistortion undistortion(calibrationOf(lens), mask);
   VisualOdometry odometry(lens.camera, options_.vo, undistortion.mask());
-  LensEstimator estimator(options_.estimator);
+  LensEstimator::Options options = options_.estimator;
+  if (is_first && options_.is_rough) options.max_centre_sigma *= kFirstRunFactor;
+  LensEstimator estimator(options);
   drive([&](const cv::Mat& image, std::int64_t stamp_ns) {
+    if (estimator.keyframes() >= max_keyframes) return;
     const VoFrame frame = odometry.process(undistortion.image(image).grey, stamp_ns).frame;
     estimator.add(withDistortedFeatures(frame, lens));
   });
   return estimator;
 }
 
+LensEstimate LensCalibration::priorOf(const Lens& calibration) const {
+  if (!options_.is_rough) return LensEstimator(options_.estimator).priorOf(calibration);
+  const double centre_sigma = kRoughCentreSigma * calibration.camera.width;
+  LensVector sigmas;
+  sigmas << kRoughFocalSigma, centre_sigma, centre_sigma, kRoughK1Sigma, kRoughK2Sigma;
+  return {calibration, sigmas.cwiseAbs2().asDiagonal()};
+}
+
+Lens LensCalibration::bestStart(const RepeatableDrive& drive, const Lens& pinhole,
+                                const cv::Mat& mask) const {
+  const std::vector<Lens> starts = startsOf(pinhole);
+  std::vector<LensEstimator::Result> results;
+  std::size_t most_tracks = 0;
+  for (const Lens& start : starts) {
+    results.push_back(
+        track(drive, start, mask, true, kStartKeyframes).estimate(priorOf(start), start));
+    most_tracks = std::max(most_tracks, results.back().tracks);
+  }
+  const auto error = [&](const LensEstimator::Result& result) {
+    const bool is_lost =
+        static_cast<double>(result.tracks) < kMinTracks * static_cast<double>(most_tracks);
+    const bool is_usable = result.status != LensEstimator::Status::kTooFew && !is_lost;
+    return is_usable ? result.rms_before_px : std::numeric_limits<double>::infinity();
+  };
+  const auto best =
+      std::min_element(results.begin(), results.end(),
+                       [&](const auto& a, const auto& b) { return error(a) < error(b); });
+  return starts[static_cast<std::size_t>(best - results.begin())];
+}
+
 LensCalibration::Result LensCalibration::calibrate(const std::vector<RepeatableDrive>& drives,
-                                                   const Lens& calibration,
-                                                   const cv::Mat& mask) const {
+                                                   const Lens& given, const cv::Mat& mask) const {
   Result result;
-  result.prior = result.estimate = LensEstimator(options_.estimator).priorOf(calibration);
+  const Lens calibration = options_.is_rough ? bestStart(drives.front(), given, mask) : given;
+  result.prior = result.estimate = priorOf(calibration);
   std::vector<LensVector> lenses;  // of the runs whose mean is the estimate
-  while (result.runs < options_.max_runs && !result.converged) {
+  const int max_runs = options_.is_rough ? 2 * options_.max_runs : options_.max_runs;
+  while (result.runs < max_runs && !result.converged) {
     const Lens previous = result.estimate.lens;
     LensEstimate estimate = result.prior;
     bool observed = false;
     ++result.runs;
     result.drives.clear();
     for (const RepeatableDrive& drive : drives) {
-      result.drives.push_back(track(drive, previous, mask).estimate(estimate, previous));
+      result.drives.push_back(
+          track(drive, previous, mask, result.runs == 1).estimate(estimate, previous));
       if (result.drives.back().status != LensEstimator::Status::kOk) continue;
       estimate = result.drives.back().estimate;
       observed = true;
@@ -96,7 +150,8 @@ LensCalibration::Result LensCalibration::calibrate(const std::vector<RepeatableD
     result.converged = change.cwiseAbs().maxCoeff() < options_.converged_sigmas;
   }
   result.status = LensEstimator::Status::kOk;
-  result.confirmed = result.estimate.significance(calibration) < options_.min_significance;
+  result.confirmed =
+      !options_.is_rough && result.estimate.significance(calibration) < options_.min_significance;
   if (result.confirmed) result.estimate.lens = calibration;
   return result;
 }

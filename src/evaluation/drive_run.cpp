@@ -10,6 +10,7 @@
 #include "common/files.hpp"
 #include "common/text.hpp"
 #include "common/time.hpp"
+#include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/options.hpp"
 #include "ground_scale_vo/evaluation/metrics.hpp"
 #include "ground_scale_vo/evaluation/run_report.hpp"
@@ -20,6 +21,10 @@ namespace fs = std::filesystem;
 namespace {
 
 using Json = nlohmann::ordered_json;
+
+/// Relative standard deviation of the focal length above which it is stated: more than that of a
+/// calibration.
+constexpr double kStatedFocalSigma = 0.004;
 
 /// The frames with a metric pose.
 struct MetricFrames {
@@ -140,6 +145,10 @@ std::string DriveRun::summary() const {
                 100.0 * static_cast<double>(metric.held) / static_cast<double>(metric.count)) +
          format("length %.1f m, standard deviation %.1f m", pathLength(record.metricPoses()),
                 record.lengthSigma()) +
+         (lens.isEstimate() && lens.sigmas()[0] > kStatedFocalSigma
+              ? format(" and %.1f %% for the focal length, a common factor of all lengths",
+                       100 * lens.sigmas()[0])
+              : "") +
          (record.usedSpeeds() && metric.last->scale.camera_height_sigma > 0
               ? format("; camera height %.3f m, standard deviation %.3f m",
                        metric.last->scale.camera_height, metric.last->scale.camera_height_sigma)
@@ -147,17 +156,21 @@ std::string DriveRun::summary() const {
 }
 
 LensEstimate lensOfDrive(const RepeatableDrive& images, const DriveReader& drive,
-                         const DriveRun::Options& options) {
+                         const DriveRun::Options& options, bool is_rough) {
   constexpr int kRuns = 3;            // the first one has the tracks of the calibration
   constexpr int kTracksPerCell = 10;  // more take longer and gain nothing
   LensCalibration::Options calibration;
   calibration.vo = optionsOf(options, drive).odometry.vo;
   calibration.max_runs = kRuns;
+  calibration.is_rough = is_rough;
   calibration.estimator.tracks_per_cell = kTracksPerCell;
   const RepeatableDrive same_images = [&images](const ImageVisitor& visit) { images(visit); };
   const LensCalibration::Result result =
       LensCalibration(calibration).calibrate({same_images}, lensOf(drive.camera()), drive.mask());
   LensEstimate estimate{lensOf(drive.camera())};
+  if (is_rough && result.status != LensEstimator::Status::kOk) {
+    throw DataError("the lens is not observable: " + result.reason);
+  }
   if (result.status != LensEstimator::Status::kOk || result.confirmed) return estimate;
   estimate = result.estimate;
   estimate.lens.camera.lens_is_estimated = true;

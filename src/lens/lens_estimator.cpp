@@ -21,9 +21,8 @@ constexpr double kKeyframeFlow = 0.02;  ///< [image widths] median flow between 
 constexpr std::size_t kMinSegment = 5, kMaxSegment = 100;
 constexpr double kMaxErrorPx = 2;  ///< observations with larger residuals are outliers
 constexpr std::size_t kMinKeyframes = 10, kMinTracks = 100;
-/// [focal lengths] Largest standard deviation of the principal point, from the drive alone, with
-/// which the lens is observable: a straight drive leaves it unknown.
-constexpr double kMaxCentreSigma = 0.004;
+/// [degrees] Range of what is said to be missing.
+constexpr double kMinMissing = 10, kMaxMissing = 90;
 /// Iterations with the lens fixed, in each round between rejections of outliers, and with the lens
 /// of the prior. Poses and points of the odometry are a good start, so that more change the
 /// estimate by less than 0.1 standard deviations.
@@ -220,13 +219,21 @@ LensEstimator::Result LensEstimator::estimate(const LensEstimate& prior,
   }
   const LensEstimate estimate = solver.combineWithPrior();
   result.model_error_px = solver.fieldSigma();
-  judge(solver.information(), estimate, &result);
+  judge(solver, estimate, &result);
 
   result.field = emptyField(prior.lens.camera);
   result.rms_after_px = addResiduals(solver, &FieldCell::after, &result.field);
   solver.setLens(prior.lens);
   solver.optimise(false, kPriorIterations);
   result.rms_before_px = addResiduals(solver, &FieldCell::before, &result.field);
+  if (!(result.rms_after_px < kMaxErrorPx)) {
+    result.estimate = prior;
+    result.status = Status::kDiverged;
+    result.reason = format(
+        "the adjustment diverges, with residuals of %.1f px and then %.1f px: the start is too far "
+        "from the lens",
+        result.rms_before_px, result.rms_after_px);
+  }
   return result;
 }
 
@@ -258,16 +265,21 @@ bool LensEstimator::count(const std::vector<LensSegment>& segments, Result* resu
   return true;
 }
 
-void LensEstimator::judge(const LensMatrix& information, const LensEstimate& estimate,
+void LensEstimator::judge(const LensSolver& solver, const LensEstimate& estimate,
                           Result* result) const {
-  const double sigma_px = std::sqrt(information.inverse()(1, 1));
-  const double limit_px = kMaxCentreSigma * estimate.lens.camera.fx;
+  const double sigma_px = std::sqrt(solver.information().inverse()(1, 1));
+  const double limit_px = options_.max_centre_sigma * estimate.lens.camera.fx;
   if (!(sigma_px <= limit_px)) {
     result->status = Status::kUnobservable;
+    double turned = 0;  // [rad]
+    for (const LensSegment& segment : solver.segments()) turned += segment.turned();
+    // The standard deviation falls with the angle.
+    const double missing = turned * (sigma_px / limit_px - 1);
     result->reason = format(
-        "the drive determines the principal point to %.0f px only, %.0f are needed: drive with "
-        "turns",
-        sigma_px, limit_px);
+        "the drive turns by %.0f degrees and determines the principal point to %.0f px only, %.0f "
+        "are needed: drive with turns of about %.0f degrees more",
+        turned / kRadiansPerDegree, sigma_px, limit_px,
+        std::clamp(missing / kRadiansPerDegree, kMinMissing, kMaxMissing));
     return;
   }
   result->status = Status::kOk;
@@ -283,6 +295,8 @@ const char* toString(LensEstimator::Status status) {
       return "too few";
     case LensEstimator::Status::kUnobservable:
       return "unobservable";
+    case LensEstimator::Status::kDiverged:
+      return "diverged";
   }
   return "invalid";
 }

@@ -121,6 +121,15 @@ void LensSegment::triangulate(const Lens& lens, LensTrack* track) const {
   track->used = e.rows() > 0 && e.rowwise().norm().maxCoeff() < kMaxInitialError_px;
 }
 
+double LensSegment::turned() const {
+  double angle = 0;
+  for (const Eigen::Isometry3d& T : T_c_w_) {
+    angle = std::max(angle,
+                     Eigen::AngleAxisd(T_c_w_.front().linear().transpose() * T.linear()).angle());
+  }
+  return angle;
+}
+
 /// The point times rho, in the axes of the keyframe's camera.
 Eigen::Vector3d LensSegment::inCamera(const LensTrack& track, std::size_t keyframe) const {
   const Eigen::Isometry3d& frame = initial_T_w_c_[track.frame];

@@ -86,6 +86,7 @@ class LensSegment {
 
   const std::vector<LensTrack>& tracks() const { return tracks_; }
   std::size_t keyframes() const { return T_c_w_.size(); }
+  double turned() const;  ///< largest angle between the first keyframe and another [rad]
 
  private:
   using Jacobian26 = Eigen::Matrix<double, 2, 6>;

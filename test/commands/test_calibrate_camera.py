@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import yaml
 from conftest import (CAMERA_HEIGHT, SCRIPTS, assert_one_sentence, assert_refused, camera_matrix, distorted_images_of,
-                      images_of, rendered, run, tool, write_camera)
+                      images_of, poses_of, rendered, run, tool, write_camera)
 
 K1 = -0.05  # of the distorted images
 
@@ -70,6 +70,31 @@ def test_an_exact_calibration_is_kept(gsv_command, turns, tmp_path):
 def test_video_without_calibration(gsv_command, distorted, turns, tmp_path):
     assert gsv_command("calibrate", distorted[1], "--fov", 75, "--set", "odometry/readout_time=0.0002")[0] == 0
     assert assert_estimated(tmp_path / "camera.yaml", turns)["readout_time"] == 0.0002
+
+
+def test_dash_cam_without_calibration(gsv_command, turns, tmp_path):
+    """The lens from its field of view and the drive, then the run."""
+    K, images = camera_matrix(turns), images_of(turns)
+    height, width = images[0].shape
+    f, k1 = 1.4 * K[0, 0], -0.28
+    new_K = np.array([[f, 0, (width - 1) / 2], [0, f, (height - 1) / 2], [0, 0, 1]])
+    pixels = np.stack(np.meshgrid(np.arange(width), np.arange(height)), -1).astype(np.float64).reshape(-1, 1, 2)
+    until_converged = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-9)
+    points = cv2.undistortPointsIter(pixels, new_K, np.array([k1, 0, 0, 0]), None, None, until_converged).reshape(-1, 2)
+    maps = (points * K[[0, 1], [0, 1]] + K[:2, 2]).reshape(height, width, 2).astype(np.float32)
+    dash_cam = tmp_path / "dash_cam"
+    dash_cam.mkdir()
+    for i, image in enumerate(images):
+        cv2.imwrite(str(dash_cam / f"{i:06}.png"), cv2.remap(image, maps, None, cv2.INTER_CUBIC))
+    (dash_cam / "times.txt").write_text((turns / "times.txt").read_text())
+    fov = 2 * np.degrees(np.arctan(-points[height // 2 * width, 0]))
+    status, output, _ = gsv_command("run", dash_cam, "--fov", fov, "--out", "out", "--camera-height", CAMERA_HEIGHT)
+    assert status == 0 and re.search(r"and \d\.\d % for the focal length, a common factor of all lengths", output), output
+    camera = yaml.safe_load((tmp_path / "out/dash_cam/camera.yaml").read_text())
+    assert camera["distortion_coefficients"]["data"][0] == pytest.approx(k1, abs=0.03)
+    estimated, true = (np.linalg.norm(np.diff(poses_of(file)[:, :, 3], axis=0), axis=1).sum()
+                       for file in (tmp_path / "out/dash_cam/poses.txt", turns / "poses.txt"))
+    assert estimated == pytest.approx(true, rel=0.03)
 
 
 def test_script_refuses_a_straight_drive(data, tmp_path):

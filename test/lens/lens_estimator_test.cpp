@@ -229,6 +229,7 @@ TEST(LensEstimator, ReportsAnUnobservableLens) {
     const auto result = estimate(drive);
     EXPECT_EQ(result.status, Status::kUnobservable) << result.reason;
     EXPECT_FALSE(result.reason.empty());
+    EXPECT_EQ(result.reason.find("degrees more") != std::string::npos, drive.step > 0);
     EXPECT_EQ(error(result, Lens{kCamera}), LensVector::Zero());  // the prior stays
   }
   EXPECT_EQ(LensEstimator({}).estimate({Lens{kCamera}, LensMatrix::Identity()}).status,

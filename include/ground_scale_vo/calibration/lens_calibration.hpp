@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <limits>
 #include <opencv2/core.hpp>
 #include <string>
 #include <vector>
@@ -28,13 +29,14 @@ class LensCalibration {
     int max_runs = 5;               ///< of each drive
     double min_significance = 15;   ///< of an estimate, else the calibration is confirmed
     double converged_sigmas = 0.3;  ///< largest change between two runs [standard deviations]
+    /// The calibration is a pinhole of a field of view that may be wrong by 15 %: a weak prior,
+    /// twice as many runs, and several starts, see startsOf().
+    bool is_rough = false;
     template <typename Self, typename Visit>
     static void visitStages(Self& self, Visit&& visit) {
       LensEstimator::Options::visitStages(self.estimator, visit);
       VisualOdometry::Options::visitStages(self.vo, visit);
     }
-    /// For a start from a field of view that is wrong by up to 15 %: a weak prior, more runs.
-    void expectRoughStart(int image_width);
     /// Throws OptionError.
     void validate() const;
 
@@ -67,8 +69,14 @@ class LensCalibration {
                    const cv::Mat& mask = {}) const;
 
  private:
-  /// Processes the images undistorted by `lens` and returns the tracks in the pixels of the images.
-  LensEstimator track(const RepeatableDrive& drive, const Lens& lens, const cv::Mat& mask) const;
+  /// Processes the images undistorted by `lens` and returns the tracks in the pixels of the images,
+  /// up to this number of keyframes.
+  LensEstimator track(const RepeatableDrive& drive, const Lens& lens, const cv::Mat& mask,
+                      bool is_first,
+                      std::size_t max_keyframes = std::numeric_limits<std::size_t>::max()) const;
+  LensEstimate priorOf(const Lens& calibration) const;
+  /// The start with which the first keyframes of a drive leave the smallest residuals.
+  Lens bestStart(const RepeatableDrive& drive, const Lens& pinhole, const cv::Mat& mask) const;
 
   Options options_;
 };

@@ -48,8 +48,10 @@ struct DriveRun {
 
 /// The lens that the whole drive shows, for DriveRun::Options; the drive's own where it confirms
 /// the calibration or does not determine the lens. images: of `drive`, read anew at each call.
+/// is_rough: the calibration is that of a field of view; throws DataError if the drive does not
+/// determine the lens.
 LensEstimate lensOfDrive(const RepeatableDrive& images, const DriveReader& drive,
-                         const DriveRun::Options& options);
+                         const DriveRun::Options& options, bool is_rough = false);
 
 /// Runs MetricOdometry over the images. on_frame: is called after each one. Throws DataError, and
 /// OptionError: options or settings.

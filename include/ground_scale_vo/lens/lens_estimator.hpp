@@ -14,6 +14,7 @@
 namespace gsv {
 
 class LensSegment;
+class LensSolver;
 struct TrackNoise;
 
 /// Estimates the lens of a camera (focal length, principal point, k1, k2) from the tracks and poses
@@ -34,6 +35,9 @@ class LensEstimator {
     double prior_centre_sigma_px = 3;
     int min_observations = 4;
     int tracks_per_cell = 1;
+    /// [focal lengths] Largest standard deviation of the principal point, from the drive alone, with
+    /// which the lens is observable: a straight drive leaves it unknown.
+    double max_centre_sigma = 0.004;
     template <typename Self, typename Visit>
     static void visitParameters(Self& self, Visit&& visit) {
       visit("prior_focal_sigma", self.prior_focal_sigma, 1e-5, 1,
@@ -53,8 +57,9 @@ class LensEstimator {
 
   enum class Status {
     kOk,
-    kTooFew,       ///< not enough keyframes or tracks
-    kUnobservable  ///< no parallax, or no turns
+    kTooFew,        ///< not enough keyframes or tracks
+    kUnobservable,  ///< no parallax, or no turns
+    kDiverged       ///< the prior is too far from the lens
   };
 
   /// Mean residual of the observations in a cell of the image.
@@ -106,7 +111,7 @@ class LensEstimator {
 
   std::vector<LensSegment> segments(const Lens& lens, const TrackNoise& noise) const;
   bool count(const std::vector<LensSegment>& segments, Result* result) const;
-  void judge(const LensMatrix& information, const LensEstimate& estimate, Result* result) const;
+  void judge(const LensSolver& solver, const LensEstimate& estimate, Result* result) const;
   /// Median flow between two keyframes [px]; infinite without a common feature.
   static double flow(const Keyframe& a, const Keyframe& b);
 
@@ -119,6 +124,6 @@ class LensEstimator {
 /// The frame as LensEstimator::add() needs it, from one of images that were undistorted by `lens`.
 VoFrame withDistortedFeatures(VoFrame frame, const Lens& lens);
 
-const char* toString(LensEstimator::Status status);  ///< "ok", "too few", "unobservable"
+const char* toString(LensEstimator::Status status);  ///< "ok", "too few", ...
 
 }  // namespace gsv

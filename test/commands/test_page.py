@@ -2,6 +2,7 @@
 
 import html.parser
 import json
+import sys
 
 import cv2
 import numpy as np
@@ -121,3 +122,11 @@ def test_run_without_a_trajectory(gsv_command, shortest, tmp_path):
     status, _, message = gsv_command("run", shortest, "--camera-height", CAMERA_HEIGHT, "--mask", "mask.png")
     page = Page(tmp_path / "results/shortest")
     assert status == 1 and "Not usable" in page.words and message.partition(": ")[2].strip() in page.words
+
+
+def test_without_jinja2(gsv, gsv_command, shortest, tmp_path, monkeypatch):
+    monkeypatch.delattr(gsv, "run_page", raising=False)
+    monkeypatch.setitem(sys.modules, "ground_scale_vo.run_page", None)  # importing it fails
+    status, _, message = gsv_command("run", shortest, "--camera-height", CAMERA_HEIGHT)
+    assert status == 0 and message.startswith("no report.html: ")
+    assert (tmp_path / "results/shortest/trajectory.png").exists()

@@ -36,8 +36,8 @@ def test_installed_command_on_a_terminal(venv, short, evaluated, tmp_path):
     assert f"short: {FRAMES}/{FRAMES} frames, " in output and f"short: {FRAMES} images, {FRAMES} used, 0 lost, {FRAMES} tracked; first metric pose after 0." in output
     results = tmp_path / "short"
     assert (results / "poses.txt").read_text() == (evaluated / "poses.txt").read_text()
-    for plot in ("trajectory", "scale", "timing"):
-        assert (results / f"{plot}.png").stat().st_size > 0
+    for file in ("trajectory.png", "scale.png", "timing.png", "report.html"):
+        assert (results / file).stat().st_size > 0
     metrics = json.loads((results / "metrics.json").read_text())
     assert metrics["rle_percent"] is not None and metrics["height_bias_percent"] is not None
 

@@ -20,7 +20,8 @@ def command(name):
 
 def test_python_of_the_system():
     """ROS is installed for it; another one may be first in the path."""
-    programs = [file for folder in ("scripts", "nodes") for file in (ROOT / folder).iterdir() if file.is_file() and file.suffix != ".html"]
+    programs = [file for folder in ("scripts", "nodes") for file in (ROOT / folder).iterdir()
+                if file.is_file() and file.suffix != ".html"]
     first_lines = {file.read_text().splitlines()[0] for file in programs}
     assert first_lines == {"#!/usr/bin/env bash", "#!/usr/bin/python3"}
 

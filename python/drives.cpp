@@ -23,16 +23,32 @@
 #include "ground_scale_vo/evaluation/speed_file.hpp"
 #include "ground_scale_vo/input/camera_file.hpp"
 #include "ground_scale_vo/input/image.hpp"
-#include "input/camera_info.hpp"
+#include "input/camera_input.hpp"
 #include "scale/road.hpp"
 
 namespace {
 
+gsv::CameraInfo toCameraInfo(const py::dict& fields) {
+  gsv::CameraInfo info;
+  info.height = fields["height"].cast<std::uint32_t>();
+  info.width = fields["width"].cast<std::uint32_t>();
+  info.distortion_model = fields["distortion_model"].cast<std::string>();
+  info.D = fields["D"].cast<std::vector<double>>();
+  info.K = fields["K"].cast<std::array<double, 9>>();
+  info.R = fields["R"].cast<std::array<double, 9>>();
+  info.P = fields["P"].cast<std::array<double, 12>>();
+  info.binning_x = fields["binning_x"].cast<std::uint32_t>();
+  info.binning_y = fields["binning_y"].cast<std::uint32_t>();
+  const auto roi = fields["roi"].cast<std::array<std::uint32_t, 4>>();
+  info.roi = {roi[0], roi[1], roi[2], roi[3]};
+  return info;
+}
+
 /// The messages of a bag, which Python reads.
 class PythonImages : public gsv::ImageSource {
  public:
-  /// messages: iterator over (stamp_ns, encoding or format, is_compressed, is_bigendian, height,
-  /// width, step, data).
+  /// messages: iterator over images (stamp_ns, encoding or format, is_compressed, is_bigendian,
+  /// height, width, step, data, frame_id) and dictionaries with the fields of camera_info.
   PythonImages(std::string name, std::size_t count, py::object messages)
       : name_(std::move(name)), count_(count), messages_(std::move(messages)) {}
   ~PythonImages() override {
@@ -46,13 +62,22 @@ class PythonImages : public gsv::ImageSource {
 
   std::optional<gsv::StoredImage> next() override {
     const py::gil_scoped_acquire acquire;
-    const py::object message = nextMessage();
-    if (!message) return std::nullopt;
-    return read(message);
+    std::vector<std::shared_ptr<const gsv::CameraInfo>> infos;
+    while (const py::object message = nextMessage()) {
+      if (py::isinstance<py::tuple>(message)) {
+        gsv::StoredImage image = read(message);
+        image.camera_infos = std::move(infos);
+        return image;
+      }
+      infos.push_back(std::make_shared<const gsv::CameraInfo>(toCameraInfo(message)));
+    }
+    return std::nullopt;
   }
   void skip() override {
     const py::gil_scoped_acquire acquire;
-    nextMessage();
+    while (const py::object message = nextMessage()) {
+      if (py::isinstance<py::tuple>(message)) return;
+    }
   }
 
  private:
@@ -70,6 +95,7 @@ class PythonImages : public gsv::ImageSource {
     gsv::StoredImage image;
     image.stamp_ns = message[0].cast<std::int64_t>();
     image.encoding = message[1].cast<std::string>();
+    image.frame_id = message[8].cast<std::string>();
     const std::string_view bytes = message[7].cast<std::string_view>();
     try {
       if (message[2].cast<bool>()) {
@@ -110,54 +136,27 @@ ReaderPtr openFiles(const std::string& path, const std::string& camera_file, dou
   return std::make_shared<Reader>(Reader{std::move(drive), std::move(truth)});
 }
 
-gsv::CameraInfo toCameraInfo(const py::dict& fields) {
-  gsv::CameraInfo info;
-  info.height = fields["height"].cast<std::uint32_t>();
-  info.width = fields["width"].cast<std::uint32_t>();
-  info.distortion_model = fields["distortion_model"].cast<std::string>();
-  info.D = fields["D"].cast<std::vector<double>>();
-  info.K = fields["K"].cast<std::array<double, 9>>();
-  info.R = fields["R"].cast<std::array<double, 9>>();
-  info.P = fields["P"].cast<std::array<double, 12>>();
-  info.binning_x = fields["binning_x"].cast<std::uint32_t>();
-  info.binning_y = fields["binning_y"].cast<std::uint32_t>();
-  const auto roi = fields["roi"].cast<std::array<std::uint32_t, 4>>();
-  info.roi = {roi[0], roi[1], roi[2], roi[3]};
-  return info;
-}
-
-/// What contradicts --rectified, as a sentence; empty: nothing. Throws DataError with it when it is
-/// certain.
-std::string rectificationSentence(const gsv::CameraInfo& info, bool is_rectified,
-                                  const std::string& image_topic) {
-  const auto [reason, is_certain] =
-      gsv::rectificationContradiction(info, is_rectified, image_topic);
-  if (reason.empty()) return {};
-  const std::string sentence = image_topic + " is used " + (is_rectified ? "with" : "without") +
-                               " --rectified, but " + reason +
-                               (is_rectified ? ": omit --rectified if the images are raw"
-                                             : ": add --rectified if the images are rectified");
-  if (is_certain) throw gsv::DataError(sentence);
-  return sentence;
-}
-
 /// infos: iterable over the messages of info_topic; the first valid one is used.
 gsv::DriveReader::Calibration calibrationIn(const py::iterable& infos,
                                             const std::string& info_topic,
                                             const std::string& image_topic, bool is_rectified,
                                             std::string* warning) {
   std::string reason = "topic " + info_topic + " has no message";
+  gsv::CameraInput input(is_rectified);
   for (const py::handle fields : infos) {
     const gsv::CameraInfo info = toCameraInfo(fields.cast<py::dict>());
     try {
-      const gsv::DriveReader::Calibration calibration{
-          gsv::readCameraInfo(info, info_topic, is_rectified),
-          "camera_info on topic " + info_topic};
-      *warning = rectificationSentence(info, is_rectified, image_topic);
-      return calibration;
+      input.setCameraInfo(info, info_topic, image_topic);
     } catch (const gsv::DataError& error) {
       reason = error.what();
+      continue;
     }
+    *warning = input.warning();
+    if (!gsv::rectificationContradiction(info, is_rectified, image_topic).is_certain) {
+      return {*input.camera(), "camera_info on topic " + info_topic, 0, info_topic, is_rectified};
+    }
+    reason = *warning;
+    break;
   }
   throw gsv::DataError(reason);
 }
@@ -172,7 +171,8 @@ ReaderPtr openMessages(const std::string& topic, std::size_t count, const py::ob
   if (fov_deg > 0) {
     calibration.fov_deg = fov_deg;
   } else if (!camera_file.empty()) {
-    calibration = {gsv::readCameraFile(camera_file), camera_file};
+    calibration.camera = gsv::readCameraFile(camera_file);
+    calibration.source = camera_file;
   } else {
     calibration = calibrationIn(infos, info_topic, topic, is_rectified, &warning);
   }
@@ -185,18 +185,14 @@ ReaderPtr openMessages(const std::string& topic, std::size_t count, const py::ob
 
 /// The next image that can be used, rectified, and its stamp; None after the last one.
 py::object nextRectified(const ReaderPtr& reader) {
-  for (;;) {
-    std::optional<gsv::DriveReader::Image> image;
-    {
-      const py::gil_scoped_release release;
-      image = reader->drive->next();
-      if (image && !image->grey.empty()) {
-        image->grey = reader->undistortion.image(image->grey).grey;
-      }
-    }
-    if (!image) return py::none();
-    if (!image->grey.empty()) return py::make_tuple(fromImage(image->grey), image->stamp_ns);
+  std::optional<gsv::DriveReader::Image> image;
+  {
+    const py::gil_scoped_release release;
+    image = reader->drive->nextOfCamera();
+    if (image) image->grey = reader->undistortion.image(image->grey).grey;
   }
+  if (!image) return py::none();
+  return py::make_tuple(fromImage(image->grey), image->stamp_ns);
 }
 
 /// DriveReader::imagesAt(), None for an empty one.
@@ -227,8 +223,8 @@ gsv::RepeatableDrive toDrive(const py::object& open, const std::string& name,
     gsv::checkCalibration(camera, "the calibration of the first drive", {own.width, own.height});
     {
       gsv::ProgressLine progress(name + ", run " + std::to_string(++run), reader->drive->count());
-      while (const auto image = reader->drive->next()) {
-        if (!image->grey.empty()) visit(image->grey, image->stamp_ns);
+      while (const auto image = reader->drive->nextOfCamera()) {
+        visit(image->grey, image->stamp_ns);
         progress.step(" images");
       }
     }

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <opencv2/core.hpp>
 #include <optional>
 #include <vector>
@@ -60,6 +61,10 @@ class MetricOdometry {
   /// OptionError otherwise). stamp_ns: [ns]; greater than for the previous image.
   Output process(const cv::Mat& image, std::int64_t stamp_ns);
 
+  /// The next image is of another camera, or does not continue the ones before it: a new map starts
+  /// with it, whose rotation against them is not known. The path goes on. Throws OptionError.
+  void changeCamera(const CameraCalibration& camera);
+
   /// ScaleRecovery::addSpeed(); needs scale.use_speed.
   void addSpeed(const SpeedSample& speed) { scale_.addSpeed(speed); }
 
@@ -67,10 +72,14 @@ class MetricOdometry {
   std::vector<ScaleRecovery::Smoothed> smoothed() const { return scale_.smoothed(); }
 
   /// SelfCalibratingOdometry::lens().
-  const LensEstimate& lens() const { return vo_.lens(); }
+  const LensEstimate& lens() const { return vo_->lens(); }
 
  private:
-  SelfCalibratingOdometry vo_;
+  const SelfCalibratingOdometry::Options options_;
+  const cv::Mat mask_;
+  std::unique_ptr<SelfCalibratingOdometry> vo_;
+  std::uint32_t first_sequence_ = 0, first_map_ = 0;  ///< of vo_, in the numbers that are reported
+  std::uint32_t next_sequence_ = 0, last_map_ = 0;
   ScaleRecovery scale_;
 };
 

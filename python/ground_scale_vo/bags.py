@@ -12,22 +12,22 @@ DEFAULT_FIX_SIGMA = 2.5  # [m] of a fix relative to its neighbours, where the re
 _IMAGE_TYPES = ("sensor_msgs/Image", "sensor_msgs/CompressedImage")
 
 
-def open_bag(file: str, topic: Optional[str], rectified: bool, camera: str, fov: float, mask: str,
+def open_bag(file: str, topic: Optional[str], info: Optional[str], rectified: bool, camera: str, fov: float, mask: str,
              fps: float) -> _core.Reader:
-    """topic: of the images; None: the bag has one. camera, fov: in place of its camera_info. Raises DataError."""
+    """topic: of the images; None: the bag has one. info: of camera_info; None: beside the images. camera, fov: in place of
+    its camera_info. Raises DataError."""
     bag, topics = _open(file)
     images = [name for name, info in topics.items() if info.msg_type in _IMAGE_TYPES]
     name = _image_topic(file, images, topic)
     raw = re.sub("/compressed$", "", name)
-    info_topic = raw[:raw.rfind("/") + 1] + "camera_info"
-    infos = [other for other, info in topics.items()
-             if _bare(other) == _bare(info_topic) and info.msg_type == "sensor_msgs/CameraInfo"]
+    info_topic = info or raw[:raw.rfind("/") + 1] + "camera_info"
+    all_infos = [other for other, of_topic in topics.items() if of_topic.msg_type == "sensor_msgs/CameraInfo"]
+    infos = [] if camera or fov else [other for other in all_infos if _bare(other) == _bare(info_topic)]
     if not infos and not camera and not fov:
-        raise ValueError(f"--camera is missing; {file} has no {info_topic}")
-    messages = (_image(message) for message in _messages(bag, file, name))
-    fields = (_camera_info(message) for info in infos for message in _messages(bag, file, info))
-    return _core.open_messages(name, topics[name].message_count, messages, info_topic, fields, rectified, camera, fov,
-                               mask, fps)
+        others = f"--camera-info TOPIC ({', '.join(all_infos)}) or " if all_infos else ""
+        raise (DataError if info else ValueError)(f"{others}--camera is missing; {file} has no {info_topic}")
+    return _core.open_messages(name, topics[name].message_count, _fields(bag, file, name, *infos), info_topic,
+                               _fields(bag, file, *infos) if infos else (), rectified, camera, fov, mask, fps)
 
 
 def fixes(file: str, topic: str) -> Tuple[np.ndarray, np.ndarray, float]:
@@ -88,9 +88,20 @@ def _open(file):
                         "repairs one whose recording was interrupted") from None
 
 
-def _messages(bag, file, topic) -> Iterator[Any]:
+def _fields(bag, file, *topics) -> Iterator[Any]:
+    """For _core.open_messages: images as tuples, camera_info as dictionaries."""
+    for message in _messages(bag, file, *topics):
+        try:
+            yield _camera_info(message) if message._type == "sensor_msgs/CameraInfo" else _image(message)
+        except AttributeError:
+            raise DataError(f"{file}: its {message._type} has other fields than those of ROS 1 ("
+                            f"{', '.join(message.__slots__) or 'none'}): convert it, for example with rosbags-convert, "
+                            "or run rosrun rosbag fix_msg_defs.py") from None
+
+
+def _messages(bag, file, *topics) -> Iterator[Any]:
     try:
-        for _, message, _ in bag.read_messages([topic]):
+        for _, message, _ in bag.read_messages(topics):
             yield message
     except Exception as error:  # of many types for a damaged file
         raise DataError(f"{file}: cannot be read to its end ({error})") from None
@@ -99,9 +110,9 @@ def _messages(bag, file, topic) -> Iterator[Any]:
 def _image(message):
     stamp = message.header.stamp.to_nsec()
     if hasattr(message, "format"):
-        return stamp, message.format, True, False, 0, 0, 0, bytes(message.data)
+        return stamp, message.format, True, False, 0, 0, 0, bytes(message.data), message.header.frame_id
     return (stamp, message.encoding, False, bool(message.is_bigendian), message.height, message.width, message.step,
-            bytes(message.data))
+            bytes(message.data), message.header.frame_id)
 
 
 def _camera_info(message):

@@ -104,6 +104,8 @@ def add_common(command):
     command.add_argument("--unrectified", action="store_true",
                          help="the images of a KITTI raw drive are not rectified: K and D are used")
     command.add_argument("--image", metavar="TOPIC", help="image topic of a bag with several")
+    command.add_argument("--camera-info", metavar="TOPIC",
+                         help="calibration in the bag (default: camera_info beside the images)")
     command.add_argument("--mask", type=pathlib.Path, metavar="FILE",
                          help="image, black where the camera's images never show the scene")
     command.add_argument("--fps", type=rate, default=0.0, metavar="HZ",
@@ -124,7 +126,8 @@ def rate(text):
 def opener(path, arguments, fov=0.0):
     """A function that opens the drive; each call reads it from the beginning."""
     return functools.partial(_open_reader, str(path), str(arguments.camera or ""), fov, arguments.rectified,
-                             arguments.unrectified, str(arguments.mask or ""), arguments.fps, arguments.image)
+                             arguments.unrectified, str(arguments.mask or ""), arguments.fps, arguments.image,
+                             arguments.camera_info)
 
 
 def draw(folder):
@@ -159,7 +162,7 @@ def run(arguments):
     write_page(folder, open_reader)
     for sentence in result["warnings"]:
         print(f"{name}: {sentence}", file=sys.stderr)
-    print(f"{name}: {result['summary']}; written to {folder}")
+    print(f"{name}: {result['summary']}; written to {folder}", flush=True)
     if result["failure"]:
         print(f"{name}: {result['failure']}", file=sys.stderr)
     return result["status"]

@@ -203,35 +203,37 @@ class Drive:
 
 def open_drive(path: Union[str, "os.PathLike[str]"], *, camera: Union[str, "os.PathLike[str]", None] = None,
                mask: Union[str, "os.PathLike[str]", None] = None, fps: float = 0.0, topic: Optional[str] = None,
-               rectified: bool = False, unrectified: bool = False) -> Drive:
+               camera_info: Optional[str] = None, rectified: bool = False, unrectified: bool = False) -> Drive:
     """Opens what `ground_scale_vo run` accepts: a KITTI folder, a folder of images with times.txt, a video or a bag.
 
     camera: file with the calibration of the images as they come; None: that of the KITTI folder or of the bag's
         camera_info.
     mask: image file, black where the images never show the scene.
     fps: [Hz] the images have this rate, and their stamps are not used; 0: stamps are used.
-    topic: of the images of a bag; None: it has one image topic.
+    topic: of the images of a bag; None: it has one image topic. camera_info: of their calibration; None: beside them.
     rectified: the images of the bag are rectified: P of its camera_info belongs to them.
     unrectified: the images of the KITTI raw drive are not rectified.
     Raises DataError, which names file and line or topic.
     """
     words = (_path("camera", camera or ""), 0.0, rectified, unrectified, _path("mask", mask or ""),
-             _number("fps", fps), topic)
+             _number("fps", fps), topic, camera_info)
     path = _path("path", path)
     return Drive(lambda: _open_reader(path, *words), _core.result_name(path))
 
 
-def _open_reader(path, camera, fov, rectified, unrectified, mask, fps, topic):
+def _open_reader(path, camera, fov, rectified, unrectified, mask, fps, topic, camera_info):
     """A _core.Reader. fov: [degrees] in place of a calibration; 0: none."""
     is_bag = path.endswith(".bag")
     if not is_bag:
         _core.require_no_bag(path)
     if rectified and (camera or fov or not is_bag):
         raise ValueError("rectified is for the camera_info of a bag, without a camera file or a field of view")
+    if camera_info and (camera or fov or not is_bag):
+        raise ValueError("camera_info is a topic of a bag, without a camera file or a field of view")
     if is_bag and unrectified:
         raise ValueError("unrectified is for a KITTI raw drive")
     if is_bag:
-        return bags.open_bag(path, topic, rectified, camera, fov, mask, fps)
+        return bags.open_bag(path, topic, camera_info, rectified, camera, fov, mask, fps)
     return _core.open_files(path, camera, fov, unrectified, mask, fps)
 
 

@@ -235,18 +235,21 @@ def main():
                             *(["--mask", arguments.mask] if arguments.mask else [])], check=True)
         if not play(bags, results, arguments):
             return 1
-        subprocess.run([tools / "evaluate_bag", "--played", *bags, "--recorded", results / "recorded.bag", "--out", results,
-                        "--camera-height", str(arguments.camera_height),
-                        *(["--image", arguments.image] if arguments.image else [])], check=True)
-        subprocess.run([tools / "metrics_table.py", results], check=True)
-        subprocess.run([tools / "plot_run.py", results], check=True)
-        page = [tools / "run_page.py", results, "--command", shlex.join(["scripts/demo", *sys.argv[1:]])]
-        if sequence:
-            page += ["--images", shlex.join(map(str, (tools / "run_sequence", sequence, "--camera-height",
-                                                      arguments.camera_height)))]
-        subprocess.run(page, check=True)
-    print(f"results and plots: {results}")
-    return 0
+        evaluated = subprocess.run(
+            [tools / "evaluate_bag", "--played", *bags, "--recorded", results / "recorded.bag", "--out", results,
+             "--camera-height", str(arguments.camera_height),
+             *(["--image", arguments.image] if arguments.image else [])], stderr=subprocess.PIPE, text=True)
+        if (results / "metrics.json").exists():  # also when they are no result
+            subprocess.run([tools / "metrics_table.py", results], check=True)
+            subprocess.run([tools / "plot_run.py", results], check=True)
+            page = [tools / "run_page.py", results, "--command", shlex.join(["scripts/demo", *sys.argv[1:]])]
+            if sequence:
+                page += ["--images", shlex.join(map(str, (tools / "run_sequence", sequence, "--camera-height",
+                                                          arguments.camera_height)))]
+            subprocess.run(page, check=True)
+            print(f"results and plots: {results}")
+    print(evaluated.stderr, end="", file=sys.stderr, flush=True)
+    return evaluated.returncode
 
 
 if __name__ == "__main__":

@@ -13,6 +13,7 @@
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/options.hpp"
 #include "ground_scale_vo/evaluation/metrics.hpp"
+#include "ground_scale_vo/evaluation/run_failure.hpp"
 #include "ground_scale_vo/evaluation/run_report.hpp"
 #include "ground_scale_vo/input/camera_file.hpp"
 
@@ -42,21 +43,6 @@ MetricFrames metricFramesOf(const RunRecord& record) {
     metric.last = &frame;
   }
   return metric;
-}
-
-/// Of the frames without a metric pose.
-std::string mostFrequentReason(const RunRecord& record) {
-  std::map<std::string, std::size_t> counts;
-  for (const RunFrame& frame : record.frames()) {
-    if (frame.has_metric_pose) continue;
-    ++counts[frame.vo_status == VoStatus::kTracking
-                 ? std::string("the scale is not known (") + toString(frame.scale.measurement) + ")"
-                 : std::string("the odometry is ") + toString(frame.vo_status)];
-  }
-  const auto most =
-      std::max_element(counts.begin(), counts.end(),
-                       [](const auto& a, const auto& b) { return a.second < b.second; });
-  return most == counts.end() ? "there is no image" : most->first;
 }
 
 /// Every kind of sentence about the speeds that holds for a second or more, with its first wording.
@@ -189,10 +175,13 @@ DriveRun runDrive(DriveReader* drive, const DriveRun::Options& options,
   }
   OfflineRun offline(camera, odometry_options, drive->mask());
   offline.setSpeeds(options.speeds);
+  const CameraCalibration* in_use = &drive->camera();
   while (const auto image = drive->next()) {
     if (image->grey.empty()) {
       offline.appendUnused(image->stamp_ns);
     } else {
+      if (image->camera.get() != in_use) offline.changeCamera(camera = *image->camera);
+      in_use = image->camera.get();
       offline.process(image->grey, image->stamp_ns, image->decode_ms);
     }
     on_frame(offline.record().frames().back());
@@ -206,20 +195,9 @@ DriveRun runDrive(DriveReader* drive, const DriveRun::Options& options,
   run.warnings = drive->warnings();
   run.failure = drive->failure();
   if (!options.speeds.empty()) addSpeedWarnings(run.record, options.speeds, &run.warnings);
-  const MetricFrames metric = metricFramesOf(run.record);
-  const std::size_t tracked = run.record.trackedFrames(), frames = run.record.frames().size();
-  if (run.failure.empty() && metric.count == 0) {
-    run.failure = "no metric pose: " + mostFrequentReason(run.record);
-  }
-  if (run.failure.empty() && 2 * tracked < frames) {
-    run.failure = format(
-        "the odometry tracked in only %zu of %zu images: are they in order, and of one drive?",
-        tracked, frames);
-  }
-  if (2 * metric.held > metric.count) {
-    run.warnings.push_back(
-        "the scale is held in more than half of the images: is the road in front "
-        "of the camera visible, and the camera upright?");
+  if (run.failure.empty()) run.failure = failureOf(run.record);
+  if (run.failure.empty() && !options.lens) {
+    run.failure = run.lens.contradiction(lensOf(camera));
   }
   return run;
 }

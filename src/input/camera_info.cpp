@@ -149,7 +149,10 @@ CameraCalibration readCameraInfo(const CameraInfo& info, const std::string& topi
   }
   const bool has_K = !allZero(info.K), has_P = !allZero(info.P);
   if (!has_K && !has_P) {
-    throw DataError(subject + " is all zeros: the camera is not calibrated");
+    throw DataError(
+        subject +
+        " is all zeros: the camera is not calibrated; estimate its lens from a drive by "
+        "`ground_scale_vo calibrate --fov DEGREES`, and use the result as the camera file");
   }
   if (image_is_rectified && !has_P) {
     throw DataError(subject + " has no P, which image_is_rectified requires");

@@ -10,6 +10,7 @@
 #include "ground_scale_vo/common/math.hpp"
 #include "ground_scale_vo/input/camera.hpp"
 #include "ground_scale_vo/input/image.hpp"
+#include "input/camera_input.hpp"
 
 namespace gsv {
 namespace {
@@ -58,24 +59,36 @@ DriveReader::DriveReader(std::unique_ptr<ImageSource> source, Calibration calibr
 
 DriveReader::~DriveReader() = default;
 
+const cv::Mat& DriveReader::mask() const { return input_->mask(); }
+
 void DriveReader::open(const cv::Size& size) {
-  camera_ =
+  CameraCalibration camera =
       calibration_.fov_deg > 0 ? ofFieldOfView(calibration_.fov_deg, size) : calibration_.camera;
-  const std::string warning = checkCalibration(camera_, calibration_.source, size);
+  const std::string warning = checkCalibration(camera, calibration_.source, size);
   if (!warning.empty()) warn(warning);
-  camera_.width = size.width;
-  camera_.height = size.height;
+  camera.width = size.width;
+  camera.height = size.height;
   try {
-    camera_.validate();
+    camera.validate();
   } catch (const OptionError& error) {
     throw DataError(calibration_.source + " cannot be used: " + error.what());
   }
-  if (options_.mask_file.empty()) return;
-  mask_ = readGreyImage(options_.mask_file);
-  try {
-    requireMask(mask_, pinholeOf(camera_), "the mask " + options_.mask_file);
-  } catch (const OptionError& error) {
-    throw DataError(error.what());
+  const std::string& mask = options_.mask_file;
+  input_ = std::make_unique<CameraInput>(calibration_.image_is_rectified,
+                                         mask.empty() ? cv::Mat() : readGreyImage(mask),
+                                         "the mask " + mask);
+  input_->setCalibration(camera, calibration_.source);
+  camera_ = input_->camera();
+}
+
+void DriveReader::useCameraInfos(const StoredImage& image) {
+  if (calibration_.info_topic.empty()) return;
+  for (const auto& info : image.camera_infos) {
+    try {
+      input_->setCameraInfo(*info, calibration_.info_topic);
+    } catch (const DataError& error) {
+      if (info_error_.empty()) info_error_ = error.what();
+    }
   }
 }
 
@@ -126,6 +139,7 @@ std::optional<DriveReader::Image> DriveReader::next() {
 
 std::vector<cv::Mat> DriveReader::imagesAt(const std::vector<std::size_t>& numbers) {
   std::vector<cv::Mat> images;
+  GreyConverter converter;
   std::size_t number = 0;
   for (const std::size_t wanted : numbers) {
     images.emplace_back();
@@ -144,30 +158,51 @@ std::vector<cv::Mat> DriveReader::imagesAt(const std::vector<std::size_t>& numbe
         }
       }
       if (!image || image->pixels.empty()) continue;
-      images.back() = grey_converter_.convert(image->pixels, image->encoding);
+      images.back() = converter.convert(image->pixels, image->encoding);
     } catch (const DataError&) {  // it stays empty
     }
   }
   return images;
 }
 
+std::optional<DriveReader::Image> DriveReader::nextOfCamera() {
+  std::optional<Image> image = next();
+  while (image && image->grey.empty()) image = next();
+  if (image && image->camera != camera_) {
+    throw DataError(camera_change_ + "; only `ground_scale_vo run` without --smooth follows that");
+  }
+  return image;
+}
+
 void DriveReader::add(const Stored& stored) {
   const std::size_t index = read_++;
   const StoredImage& image = *stored.image;
+  useCameraInfos(image);
   const auto entry = entries_.emplace_back(std::make_shared<Entry>());
   entry->image.decode_ms = stored.decode_ms;
   entry->image.stamp_ns = options_.fps > 0 ? stampAtRate(index, options_.fps) : image.stamp_ns;
   entry->is_decided = true;
   try {
     if (image.pixels.empty()) throw DataError(image.error);
-    const cv::Size size(camera_.width, camera_.height);
+    const cv::Size size(input_->camera()->width, input_->camera()->height);
     if (image.pixels.size() != size) {
       return lose(format("have another size than %d x %d", size.width, size.height),
                   format("it has %d x %d", image.pixels.cols, image.pixels.rows));
     }
-    entry->image.grey = grey_converter_.convert(image.pixels, image.encoding);
+    entry->image.grey = input_->grey(image.pixels, image.encoding);
   } catch (const DataError& error) {
     return lose(kDamaged, error.what());
+  }
+  if (!input_->isOfCamera(image.frame_id)) {
+    entry->image.grey.release();
+    return lose("are of another camera", input_->sourceError(source_->name()));
+  }
+  entry->image.camera = input_->camera();
+  if (entry->image.camera != camera_ && camera_change_.empty()) {
+    const std::string before = camera_->describe(), now = entry->image.camera->describe();
+    camera_change_ = "the camera changes at image " + std::to_string(index) +
+                     (before == now ? " to the frame_id \"" + image.frame_id + "\""
+                                    : ", from " + before + " to " + now);
   }
   entry->is_decided = false;
   waiting_.push_back(entry);
@@ -246,6 +281,8 @@ void DriveReader::requireUsableStamps() const {
 
 std::vector<std::string> DriveReader::warnings() const {
   std::vector<std::string> sentences = sentences_;
+  if (!camera_change_.empty()) sentences.push_back(camera_change_ + ": a new map starts there");
+  if (!info_error_.empty()) sentences.push_back(info_error_);
   for (const auto& [kind, problem] : problems_) {
     sentences.push_back(std::to_string(problem.images) + " of " + std::to_string(read_) +
                         " images " + kind + " and are not used, the first one because " +
@@ -271,14 +308,17 @@ std::string DriveReader::failure() const {
     return name() + " is damaged: " + std::to_string(damaged->second.images) + of_all +
            " cannot be decoded";
   }
-  if (2 * used_ < read_) {
-    return "only " + std::to_string(used_) + " of " + std::to_string(read_) +
-           " images could be used" +
-           (2 * wrong_stamps_ >= read_
-                ? "; if they come at a constant rate, --fps N replaces the stamps"
-                : "");
-  }
-  return {};
+  if (const std::string error = input_->sourceError(name()); !error.empty()) return error;
+  const std::size_t left_out = read_ - used_;
+  if (static_cast<double>(left_out) <= kMaxLeftOut * static_cast<double>(read_)) return {};
+  const auto most = std::max_element(
+      problems_.begin(), problems_.end(),
+      [](const auto& a, const auto& b) { return a.second.images < b.second.images; });
+  return "only " + std::to_string(used_) + " of " + std::to_string(read_) +
+         " images could be used; " +
+         (most->first == kWrongStamp
+              ? "if they come at a constant rate, --fps N replaces the stamps"
+              : std::to_string(most->second.images) + " " + most->first);
 }
 
 }  // namespace gsv

@@ -4,10 +4,12 @@
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <Eigen/QR>
+#include <algorithm>
 #include <cmath>
 #include <utility>
 #include <vector>
 
+#include "common/text.hpp"
 #include "input/distortion_model.hpp"
 
 namespace gsv {
@@ -15,6 +17,10 @@ namespace {
 
 constexpr int kMaxNewtonSteps = 20;
 constexpr double kConverged = 1e-12;  // [focal lengths]
+
+/// Radial distortion that published calibrations never leave: five times their standard deviation
+/// (PinholeCamera::k1Sigma()); and in standard deviations of the estimate.
+constexpr double kMaxDistortionError = 0.1, kMaxDistortionSigmas = 5;
 
 /// Rays of a grid of pixels of the image, without those that no rectified image can show.
 std::vector<Eigen::Vector2d> visibleRays(const Lens& lens) {
@@ -150,6 +156,24 @@ LensVector boxminus(const Lens& a, const Lens& b) {
 double LensEstimate::significance(const Lens& current) const {
   const LensVector difference = boxminus(current, lens);
   return difference.dot(covariance.ldlt().solve(difference));
+}
+
+std::string LensEstimate::contradiction(const Lens& given) const {
+  if (!isEstimate()) return {};
+  // k1 + k2 r^2 at the left and right border of the image.
+  const double r2 = std::pow(0.5 * lens.camera.width / lens.camera.fx, 2);
+  const Eigen::Vector2d g(1, r2);
+  const double change = g.dot(Eigen::Vector2d(lens.k1 - given.k1, lens.k2 - given.k2));
+  const double sigma = std::sqrt(g.dot(covariance.block<2, 2>(3, 3) * g));
+  if (std::abs(change) < std::max(kMaxDistortionError, kMaxDistortionSigmas * sigma)) return {};
+  return "the motion contradicts the calibration: " +
+         format(
+             "its radial distortion k1 + k2 r^2 at the border of the image is wrong by %.2f "
+             "(standard deviation %.2f)",
+             std::abs(change), sigma) +
+         "; estimate the lens from the drive by `ground_scale_vo calibrate`, and run again with "
+         "the "
+         "result as the camera file";
 }
 
 }  // namespace gsv

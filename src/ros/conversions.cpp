@@ -13,6 +13,7 @@
 
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/math.hpp"
+#include "input/camera_info.hpp"
 #include "input/distortion_model.hpp"
 
 namespace gsv {
@@ -327,6 +328,21 @@ cv::Mat decode(const sensor_msgs::CompressedImage& image) {
     throw DataError("the compressed image (format \"" + image.format + "\", " +
                     std::to_string(bytes.size()) + " bytes) " + error.what());
   }
+}
+
+CameraInfo fromMsg(const sensor_msgs::CameraInfo& msg) {
+  CameraInfo info;
+  info.height = msg.height;
+  info.width = msg.width;
+  info.distortion_model = msg.distortion_model;
+  info.D = msg.D;
+  std::copy(msg.K.begin(), msg.K.end(), info.K.begin());
+  std::copy(msg.R.begin(), msg.R.end(), info.R.begin());
+  std::copy(msg.P.begin(), msg.P.end(), info.P.begin());
+  info.binning_x = msg.binning_x;
+  info.binning_y = msg.binning_y;
+  info.roi = {msg.roi.x_offset, msg.roi.y_offset, msg.roi.height, msg.roi.width};
+  return info;
 }
 
 sensor_msgs::CameraInfo toCameraInfo(const CameraCalibration& c) {

@@ -62,11 +62,10 @@ class MonoVoNodelet : public StageNodelet {
   void subscribe(ros::NodeHandle& handle, const ros::NodeHandle& private_handle,
                  image_transport::ImageTransport* transport);
   std::string imageTopic() const;
-  /// One sentence while two cameras publish on one topic or camera_info keeps changing, else empty.
-  std::string sourceError() const;
   void onCameraInfo(const sensor_msgs::CameraInfoConstPtr& info);
   void onCompressedImage(const sensor_msgs::CompressedImageConstPtr& compressed);
   void onImage(const sensor_msgs::ImageConstPtr& image);
+  void dropImage(const std::string& kind, const std::string& reason);
   void store(const ReceivedImage& image);
   /// Posts a task that processes the oldest stored image, unless one is pending or none can run.
   void scheduleProcessing();
@@ -87,8 +86,8 @@ class MonoVoNodelet : public StageNodelet {
   ros::Subscriber compressed_subscriber_;         ///< with `compressed` and `raw_or_compressed`
   image_transport::Subscriber image_subscriber_;  ///< with all but `compressed`
   std::unique_ptr<CameraInput> input_;
-  std::string camera_info_error_;     ///< of the last camera_info; empty: it was accepted
-  SourceGuard<std::string> sources_;  ///< frame_id of the images that can be used
+  std::string camera_info_error_;  ///< of the last camera_info; empty: it was accepted
+  std::string image_error_;        ///< of the last image that was dropped
   std::deque<ReceivedImage> images_;
   std::uint64_t dropped_from_queue_ = 0;
   bool processing_scheduled_ = false;
@@ -107,9 +106,8 @@ void MonoVoNodelet::start(ros::NodeHandle& handle, ros::NodeHandle& private_hand
   params_ = loadParams<MonoVoParams>(private_handle);
   stamp_filter_ = std::make_unique<StampFilter>(
       params_.clock_jump_s,
-      [this](const std::string& reason) { log_->drop("image stamp", withMissingClock(reason)); });
-  input_ =
-      std::make_unique<CameraInput>(params_.image_is_rectified, params_.mask, params_.camera_file);
+      [this](const std::string& reason) { dropImage("image stamp", withMissingClock(reason)); });
+  input_ = openCameraInput(params_.image_is_rectified, params_.mask, params_.camera_file);
   if (!params_.readout_time_is_given && input_->camera()) {
     params_.odometry.vo.readout_time = input_->camera()->readout_time;
   }
@@ -178,10 +176,11 @@ std::string MonoVoNodelet::saveCamera() const {
 void MonoVoNodelet::onCameraInfo(const sensor_msgs::CameraInfoConstPtr& info) {
   camera_info_error_.clear();
   try {
-    input_->setCameraInfo(*info, camera_info_subscriber_.getTopic(), imageTopic());
+    input_->setCameraInfo(fromMsg(*info), camera_info_subscriber_.getTopic(), imageTopic());
   } catch (const DataError& error) {
     camera_info_error_ = error.what();
-    log_->drop("camera_info refused", camera_info_error_, camera_info_error_ == sourceError());
+    log_->drop("camera_info refused", camera_info_error_,
+               camera_info_error_ == input_->calibrationError());
     return;
   }
   log_->warnOfState(input_->warning());
@@ -193,7 +192,7 @@ void MonoVoNodelet::onCompressedImage(const sensor_msgs::CompressedImageConstPtr
   try {
     store({compressed->header, decode(*compressed), bayerPatternOf(compressed->format), nullptr});
   } catch (const DataError& error) {
-    log_->drop("image refused", error.what());
+    dropImage("image refused", error.what());
   }
 }
 
@@ -202,8 +201,13 @@ void MonoVoNodelet::onImage(const sensor_msgs::ImageConstPtr& image) {
   try {
     store({image->header, pixelsOf(fromMsg(*image)), image->encoding, image});
   } catch (const DataError& error) {
-    log_->drop("image refused", error.what());
+    dropImage("image refused", error.what());
   }
+}
+
+void MonoVoNodelet::dropImage(const std::string& kind, const std::string& reason) {
+  image_error_ = reason;
+  log_->drop(kind, reason);
 }
 
 void MonoVoNodelet::store(const ReceivedImage& image) {
@@ -247,11 +251,11 @@ cv::Mat MonoVoNodelet::greyOf(const ReceivedImage& image) {
   try {
     grey = input_->grey(image.pixels, image.encoding);
   } catch (const std::exception& error) {
-    log_->drop("image refused", error.what());
+    dropImage("image refused", error.what());
     return {};
   }
-  if (sources_.accepts(image.header.frame_id)) return grey;
-  log_->drop("image of another camera", sourceError(), true);
+  if (input_->isOfCamera(image.header.frame_id)) return grey;
+  log_->drop("image of another camera", input_->sourceError(imageTopic()), true);
   return {};
 }
 
@@ -271,8 +275,10 @@ void MonoVoNodelet::startOdometry(const Camera& camera, bool clock_jumped_back) 
   if (clock_jumped_back) {
     reason = "the clock jumped back";
   } else if (camera != odometry_camera_ && odometry_camera_) {
-    reason = "camera_info on topic " + camera_info_subscriber_.getTopic() + " changed from " +
-             odometry_camera_->describe() + " to " + camera->describe();
+    const std::string before = odometry_camera_->describe(), now = camera->describe();
+    reason = before == now ? "the frame_id of the images changed"
+                           : "camera_info on topic " + camera_info_subscriber_.getTopic() +
+                                 " changed from " + before + " to " + now;
   }
   if (odometry_ && reason.empty()) return;
   if (odometry_) NODELET_WARN_STREAM(getName() << ": the odometry is reset: " << reason);
@@ -318,18 +324,14 @@ void MonoVoNodelet::publishLens(const std_msgs::Header& header) {
                                 << lens.camera.cx << ", cy " << lens.camera.cy << ", k1 " << lens.k1
                                 << " (standard deviation " << odometry_->lens().sigmas()[3]
                                 << "), k2 " << lens.k2);
+  const std::string error = odometry_->lens().contradiction(lensOf(*odometry_camera_));
+  if (!error.empty()) log_->error("lens", error);
 }
 
 std::string MonoVoNodelet::imageTopic() const {
   return !image_subscriber_ || compressed_subscriber_.getNumPublishers() > 0
              ? compressed_subscriber_.getTopic()
              : image_subscriber_.getTopic();
-}
-
-std::string MonoVoNodelet::sourceError() const {
-  if (!sources_.refused()) return input_->calibrationError();
-  return "two cameras publish on " + imageTopic() + ": images with the frame_id \"" +
-         sources_.current() + "\" are used, those with \"" + *sources_.refused() + "\" are not";
 }
 
 StageNodelet::State MonoVoNodelet::describe(Diagnostics& status) {
@@ -354,7 +356,14 @@ StageNodelet::State MonoVoNodelet::describe(Diagnostics& status) {
   if (state.missing.empty() && !input_->camera()) {
     state.missing = "no camera_info received yet on " + camera_info_subscriber_.getTopic();
   }
-  state.errors = {sourceError()};
+  state.errors = {input_->sourceError(imageTopic()),
+                  odometry_ ? odometry_->lens().contradiction(lensOf(*odometry_camera_)) : ""};
+  if (processed() == 0 && !image_error_.empty()) {
+    state.errors.push_back("no usable image: " + image_error_);
+  }
+  for (const std::string& error : state.errors) {
+    if (!error.empty()) status.add("wrong input", error);
+  }
   state.warnings = {camera_info_error_, input_->warning()};
   return state;
 }

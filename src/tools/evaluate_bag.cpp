@@ -15,16 +15,21 @@
 #include <limits>
 #include <list>
 #include <map>
+#include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "common/files.hpp"
 #include "common/text.hpp"
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/evaluation/metrics.hpp"
+#include "ground_scale_vo/evaluation/run_failure.hpp"
 #include "ground_scale_vo/evaluation/run_record.hpp"
 #include "ground_scale_vo/evaluation/run_report.hpp"
+#include "ground_scale_vo/input/stamps.hpp"
+#include "ground_scale_vo/io/drive_reader.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
 #include "ground_scale_vo/ros_tools/bag_topics.hpp"
 #include "ground_scale_vo/ros_tools/ground_truth_tf.hpp"
@@ -76,9 +81,27 @@ void forEachMessage(const Names& files, const TopicsOf& topics_of, const Read& r
   }
 }
 
+/// A stamp, and how often the clock has jumped back before it, as in a looped bag.
+using PassStamp = std::pair<int, ros::Time>;
+
+/// The pass of the messages of one topic, in their order.
+class PassCounter {
+ public:
+  PassStamp add(const ros::Time& stamp) {
+    if ((last_ - stamp).toSec() > gsv::StampFilter::kDefaultClockJump) ++pass_;
+    last_ = stamp;
+    return {pass_, stamp};
+  }
+
+ private:
+  int pass_ = 0;
+  ros::Time last_;
+};
+
 /// The frames and the ground truth of the played bag.
 struct Played {
   std::vector<std_msgs::Header> images;
+  std::vector<PassStamp> stamps;  ///< of the images
   gsv::GroundTruthTf ground_truth;
 };
 
@@ -116,6 +139,10 @@ void readPlayed(const Arguments& arguments, Played& played) {
   if (played.images.empty()) {
     throw gsv::DataError(bag + " has no image on " + joined(wanted, " or "));
   }
+  PassCounter pass;
+  for (const std_msgs::Header& image : played.images) {
+    played.stamps.push_back(pass.add(image.stamp));
+  }
 }
 
 /// The output of the nodelets, by stamp.
@@ -124,20 +151,24 @@ struct Recorded {
   struct Times {
     double vo = std::numeric_limits<double>::quiet_NaN(), scale = vo;
   };
-  std::map<ros::Time, gsv::ScaleEstimateMsg::ConstPtr> scales;
-  std::map<ros::Time, nav_msgs::OdometryConstPtr> metric, unscaled;
-  std::map<ros::Time, Times> times;
+  std::map<PassStamp, gsv::ScaleEstimateMsg::ConstPtr> scales;
+  std::map<PassStamp, nav_msgs::OdometryConstPtr> metric, unscaled;
+  std::map<PassStamp, Times> times;
+  std::string wrong_input;  ///< the last sentence of the nodelets about it; empty: none
 };
 
 /// True when the message has the time of the scale stage.
-bool readTimes(const diagnostic_msgs::DiagnosticArray& diagnostics, Recorded::Times* times) {
+bool readDiagnostics(const diagnostic_msgs::DiagnosticArray& diagnostics, Recorded::Times* times,
+                     std::string* wrong_input) {
   bool has_scale = false;
   const auto endsWith = [](const std::string& text, const std::string& end) {
     return text.size() >= end.size() &&
            text.compare(text.size() - end.size(), end.size(), end) == 0;
   };
   for (const diagnostic_msgs::DiagnosticStatus& status : diagnostics.status) {
+    if (endsWith(status.name, ": odometry")) wrong_input->clear();
     for (const diagnostic_msgs::KeyValue& value : status.values) {
+      if (value.key == "wrong input") *wrong_input = value.value;
       if (value.key != "time of the last frame [ms]") continue;
       const auto ms = gsv::parseNumber<double>(value.value);
       if (!ms) continue;
@@ -153,6 +184,7 @@ bool readTimes(const diagnostic_msgs::DiagnosticArray& diagnostics, Recorded::Ti
 
 void readRecorded(const Arguments& arguments, Recorded& recorded) {
   Recorded::Times times;  // of both nodelets, which report them at different moments
+  PassCounter of_scales, of_metric, of_unscaled;
   const auto all = [](const Bags& bags) {
     Names topics;
     for (const auto* connection : rosbag::View(*bags[0]).getConnections()) {
@@ -163,9 +195,10 @@ void readRecorded(const Arguments& arguments, Recorded& recorded) {
   forEachMessage({arguments.recorded}, all, [&](const rosbag::MessageInstance& instance) {
     if (const auto scale = instance.instantiate<gsv::ScaleEstimateMsg>()) {
       gsv::fromMsg(*scale);  // throws on invalid values
-      recorded.scales[scale->header.stamp] = scale;
+      recorded.scales[of_scales.add(scale->header.stamp)] = scale;
     } else if (const auto diagnostics = instance.instantiate<diagnostic_msgs::DiagnosticArray>()) {
-      if (readTimes(*diagnostics, &times) && !recorded.scales.empty()) {
+      if (readDiagnostics(*diagnostics, &times, &recorded.wrong_input) &&
+          !recorded.scales.empty()) {
         recorded.times[recorded.scales.rbegin()->first] = times;
         times = {};
       }
@@ -174,7 +207,8 @@ void readRecorded(const Arguments& arguments, Recorded& recorded) {
       const bool is_unscaled =
           topic.size() >= 11 && topic.substr(topic.size() - 11) == "vo/odometry";
       gsv::fromMsg(odometry->pose.pose);
-      (is_unscaled ? recorded.unscaled : recorded.metric)[odometry->header.stamp] = odometry;
+      const PassStamp stamp = (is_unscaled ? of_unscaled : of_metric).add(odometry->header.stamp);
+      (is_unscaled ? recorded.unscaled : recorded.metric)[stamp] = odometry;
     }
   });
 }
@@ -200,14 +234,14 @@ gsv::Matrix6d rotatedCovariance(const Eigen::Matrix3d& R,
 /// The outputs of both stages for the image with this stamp, as far as they were recorded. An image
 /// without vo/odometry counts as LOST, also when the odometry was INITIALISING. An image without
 /// scale has the map of the next image with one, or of the last.
-void restoreOutputs(const Recorded& recorded, const ros::Time& stamp,
+void restoreOutputs(const Recorded& recorded, const PassStamp& stamp,
                     gsv::VisualOdometry::Output* vo, gsv::ScaleRecovery::Output* scale) {
   const auto times = recorded.times.find(stamp);
   const Recorded::Times measured =
       times != recorded.times.end() ? times->second : Recorded::Times();
   vo->times.total = measured.vo;
   scale->times.total = measured.scale;
-  vo->frame.stamp_ns = gsv::toNanoseconds(stamp);
+  vo->frame.stamp_ns = gsv::toNanoseconds(stamp.second);
   vo->frame.status = gsv::VoStatus::kLost;
   if (!recorded.scales.empty()) {
     auto estimate = recorded.scales.lower_bound(stamp);
@@ -245,10 +279,8 @@ std::string reasonForNoPose(const Arguments& arguments, const Recorded& recorded
 std::size_t firstMetricFrame(const Arguments& arguments, const Played& played,
                              const Recorded& recorded) {
   std::size_t first = 0, scales = 0;
-  for (const std_msgs::Header& image : played.images) scales += recorded.scales.count(image.stamp);
-  while (first < played.images.size() && recorded.metric.count(played.images[first].stamp) == 0) {
-    ++first;
-  }
+  for (const PassStamp& stamp : played.stamps) scales += recorded.scales.count(stamp);
+  while (first < played.stamps.size() && recorded.metric.count(played.stamps[first]) == 0) ++first;
   const bool any = first < played.images.size();
   std::printf(
       "%zu images in, %zu frames out of both nodelets, %zu lost on the way; %s\n",
@@ -283,55 +315,84 @@ void reportInconsistentScale(const gsv::RunRecord& record,
       metrics.error_median_percent);
 }
 
-int evaluate(const Arguments& arguments) {
-  Played played;
-  readPlayed(arguments, played);
-  Recorded recorded;
-  readRecorded(arguments, recorded);
-
-  const std::size_t first = firstMetricFrame(arguments, played, recorded);
-  const auto& first_odometry = *recorded.metric.at(played.images[first].stamp);
-  const bool is_camera =
-      first_odometry.child_frame_id == gsv::withoutLeadingSlashes(played.images[first].frame_id);
-  const Eigen::Isometry3d T_b0_odom = gsv::fromMsg(first_odometry.pose.pose).inverse();
-
-  Eigen::Matrix3d R_o_odom = T_b0_odom.linear();
-  if (!is_camera) R_o_odom = gsv::bodyFromOptical().transpose() * R_o_odom;
+/// The images from the first one with a metric pose on, and the ground truth of them all; else
+/// none.
+struct Restored {
   gsv::RunRecord record;
   std::vector<Eigen::Isometry3d> ground_truth;
+};
+
+Restored restore(const Played& played, const Recorded& recorded, std::size_t first) {
+  const auto& first_odometry = *recorded.metric.at(played.stamps[first]);
+  const bool is_camera =
+      first_odometry.child_frame_id == gsv::withoutLeadingSlashes(played.images[first].frame_id);
+  Eigen::Isometry3d T_b0_odom = gsv::fromMsg(first_odometry.pose.pose).inverse();
+  Eigen::Isometry3d T_odom_start = Eigen::Isometry3d::Identity();  // of the base
+  if (is_camera) T_odom_start.linear() = gsv::bodyFromOptical();
+  Eigen::Isometry3d T_b0_b = Eigen::Isometry3d::Identity();
   std::optional<Eigen::Isometry3d> T_b0_root;
+  Restored restored;
   const std::size_t end = endOfEvaluation(played, first_odometry.child_frame_id, first);
   for (std::size_t i = first; i < end; ++i) {
-    const ros::Time& stamp = played.images[i].stamp;
+    const PassStamp& stamp = played.stamps[i];
+    // The nodelets were reset: the path goes on with the first image of the new trajectory.
+    if (i > first && stamp.first != played.stamps[i - 1].first) {
+      T_b0_odom = T_b0_b * T_odom_start.inverse();
+    }
     gsv::VisualOdometry::Output vo;
     gsv::ScaleRecovery::Output scale;
     vo.frame.sequence = static_cast<std::uint32_t>(i - first);
     restoreOutputs(recorded, stamp, &vo, &scale);
     const auto metric = recorded.metric.find(stamp);
     if (metric != recorded.metric.end()) {
+      T_b0_b = T_b0_odom * gsv::fromMsg(metric->second->pose.pose);
+      Eigen::Matrix3d R_o_odom = T_b0_odom.linear();
+      if (!is_camera) R_o_odom = gsv::bodyFromOptical().transpose() * R_o_odom;
       scale.pose.emplace();
-      scale.pose->T_o_c =
-          inCameraAxes(T_b0_odom * gsv::fromMsg(metric->second->pose.pose), is_camera);
+      scale.pose->T_o_c = inCameraAxes(T_b0_b, is_camera);
       scale.pose->covariance = rotatedCovariance(R_o_odom, metric->second->pose.covariance);
     }
-    record.append(vo, scale);
+    restored.record.append(vo, scale);
 
-    const auto T_root_b = played.ground_truth.pose(first_odometry.child_frame_id, stamp);
+    const auto T_root_b = played.ground_truth.pose(first_odometry.child_frame_id, stamp.second);
     if (!T_root_b) continue;
     if (!T_b0_root) T_b0_root = T_root_b->inverse();
-    ground_truth.push_back(inCameraAxes(*T_b0_root * *T_root_b, is_camera));
+    restored.ground_truth.push_back(inCameraAxes(*T_b0_root * *T_root_b, is_camera));
   }
-  if (ground_truth.size() != record.frames().size()) {
-    if (!ground_truth.empty()) {
-      std::printf("the ground truth covers only %zu of %zu frames and is ignored\n",
-                  ground_truth.size(), record.frames().size());
+  const std::size_t known = restored.ground_truth.size(), frames = restored.record.frames().size();
+  if (known != frames) {
+    if (known > 0) {
+      std::printf("the ground truth covers only %zu of %zu frames and is ignored\n", known, frames);
     }
-    ground_truth.clear();
+    restored.ground_truth.clear();
   }
-  gsv::writeRun(arguments.out, record, arguments.camera_height, ground_truth);
-  gsv::writeFile(std::filesystem::path(arguments.out) / "run.json",
-                 "{\"first_image\": " + std::to_string(first) + "}\n");
-  if (!ground_truth.empty()) reportInconsistentScale(record, ground_truth);
+  return restored;
+}
+
+int evaluate(const Arguments& arguments) {
+  Played played;
+  readPlayed(arguments, played);
+  Recorded recorded;
+  readRecorded(arguments, recorded);
+  const std::size_t first = firstMetricFrame(arguments, played, recorded);
+  const Restored restored = restore(played, recorded, first);
+  gsv::writeRun(arguments.out, restored.record, arguments.camera_height, restored.ground_truth);
+  if (!restored.ground_truth.empty()) {
+    reportInconsistentScale(restored.record, restored.ground_truth);
+  }
+  std::string failure = recorded.wrong_input;
+  const std::size_t images = played.images.size(), processed = recorded.scales.size();
+  if (failure.empty() &&
+      static_cast<double>(processed) < (1 - gsv::kMaxLeftOut) * static_cast<double>(images)) {
+    failure = gsv::format(
+        "only %zu of %zu images could be used: warnings of the nodelets say which are refused, or "
+        "the machine is too slow",
+        processed, images);
+  }
+  if (failure.empty()) failure = gsv::failureOf(restored.record);
+  const nlohmann::ordered_json json = {{"failure", failure}, {"first_image", first}};
+  gsv::writeFile(std::filesystem::path(arguments.out) / "run.json", json.dump(2) + "\n");
+  if (!failure.empty()) throw gsv::DataError(failure);
   return 0;
 }
 
@@ -347,7 +408,8 @@ int main(int argc, char** argv) {
       "frame with a metric pose; its number is printed. Poses are those of the published frame, "
       "in\n"
       "camera axes (x right, y down, z forward).\n\n"
-      "Exit status: 0 done, 1 the data cannot be used, 2 the arguments cannot be used.");
+      "Exit status: 0 done, 1 the data cannot be used, or the files are written, but are no result "
+      "(the reason is printed), 2 the arguments cannot be used.");
   command_line.options().add_options()  //
       ("played", gsv::requiredValue(&arguments.played, "BAG...")->multitoken(),
        "the bag that was played, or its parts: its images define the frames, its tf is the ground "

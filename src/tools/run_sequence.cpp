@@ -55,8 +55,8 @@ int run(const Arguments& arguments) {
     const auto images = [&, pass = 0](const gsv::ImageVisitor& visit) mutable {
       const auto again = gsv::openDrive(arguments.drive);
       gsv::ProgressLine progress(name + ", lens " + std::to_string(++pass), again->count());
-      while (const auto image = again->next()) {
-        if (!image->grey.empty()) visit(image->grey, image->stamp_ns);
+      while (const auto image = again->nextOfCamera()) {
+        visit(image->grey, image->stamp_ns);
         progress.step(" images");
       }
     };
@@ -73,6 +73,7 @@ int run(const Arguments& arguments) {
     std::fprintf(stderr, "%s: %s\n", name.c_str(), sentence.c_str());
   }
   std::printf("%s: %s; written to %s\n", name.c_str(), result.summary().c_str(), folder.c_str());
+  std::fflush(stdout);  // the failure is the last line
   if (!result.failure.empty()) {
     std::fprintf(stderr, "%s: %s\n", name.c_str(), result.failure.c_str());
   }

@@ -77,7 +77,7 @@ def test_rectified_images_without_the_option(low_bag, height_file):
     raw = height_file.with_suffix(".bag")
     bags.raw_drive(low_bag, raw)
     command = (CALIBRATE, raw, "--image", RAW_IMAGE, *LENGTH, "--out", height_file)
-    assert_refused(1, f"{RAW_IMAGE} is used without --rectified, but P of camera_info", *command)
+    assert_refused(1, "image_is_rectified is false, but P of camera_info", *command)
     assert not height_file.exists()
 
 

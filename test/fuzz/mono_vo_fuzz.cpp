@@ -12,8 +12,8 @@
 #include "ground_scale_vo/input/stamps.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
 #include "ground_scale_vo/self_calibrating_odometry.hpp"
+#include "input/camera_input.hpp"
 #include "message_checks.hpp"
-#include "ros/image_input.hpp"
 #include "ros/odometry_output.hpp"
 #include "ros/visuals.hpp"
 
@@ -28,7 +28,7 @@ class MonoVo {
   void onCameraInfo(const sensor_msgs::CameraInfo& info) {
     if (info.width > 1000 || info.height > 1000) return;  // too much memory for a test
     try {
-      input_.setCameraInfo(info, "camera_info");
+      input_.setCameraInfo(fromMsg(info), "camera_info");
     } catch (const DataError&) {
     }
   }

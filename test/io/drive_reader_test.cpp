@@ -108,6 +108,15 @@ TEST(DriveReader, RefusesStampsThatDoNotIncreaseUnlessTheRateIsGiven) {
   EXPECT_EQ(read(&drive), (std::vector<double>{0, 0.05, 0.1}));
 }
 
+TEST(DriveReader, LeavesOutAtMostAQuarter) {
+  DriveReader quarter = reader({0, 0, 0.1, 0.2, 0.3, 0.3, 0.4, 0.5});
+  read(&quarter);
+  EXPECT_EQ(quarter.failure(), "");
+  DriveReader more = reader({0, 0, 0.1, 0.2, 0.2, 0.3});
+  read(&more);
+  EXPECT_EQ(more.failure().find("only 4 of 6 images could be used; "), 0u);
+}
+
 TEST(DriveReader, ReportsWhatIsMissingOrDamaged) {
   DriveReader damaged = reader({kBroken, 0, kBroken, 0.2, 0.3});
   EXPECT_EQ(read(&damaged), (std::vector<double>{-1, 0, -1, 0.2, 0.3}));

@@ -249,6 +249,23 @@ TEST(LensEstimator, OutweighsAWrongPrior) {
   expectRecovered(estimate({}, {}, boxplus(Lens{kCamera}, wrong)), Lens{kCamera});
 }
 
+TEST(LensEstimate, ContradictsACalibrationThatNobodyPublishes) {
+  const Lens given(PinholeCamera{640, 480, 400, 400, 320, 240});
+  const double r2 = 0.64;  // at the border of the image
+  LensEstimate estimate{given, 1e-4 * LensMatrix::Identity()};
+  EXPECT_EQ(estimate.contradiction(given), "");
+  estimate.lens.k1 = -0.09;
+  EXPECT_EQ(estimate.contradiction(given), "");
+  estimate.lens.k1 = -0.28;
+  EXPECT_EQ(estimate.contradiction(given).find("the motion contradicts the calibration"), 0u);
+  estimate.lens.k2 = 0.28 / r2;  // k1 and k2 compensate each other
+  EXPECT_EQ(estimate.contradiction(given), "");
+  estimate.lens.k2 = 0;
+  estimate.covariance *= 100;  // it is not significant
+  EXPECT_EQ(estimate.contradiction(given), "");
+  EXPECT_EQ(LensEstimate{estimate.lens}.contradiction(given), "");
+}
+
 TEST(LensEstimator, HasATrueCovariance) {
   double sum = 0;
   constexpr int kDrives = 20;

@@ -33,8 +33,8 @@ struct DriveRun {
   LensEstimate lens;
   std::size_t used = 0;               ///< images
   std::vector<std::string> warnings;  ///< sentences of DriveReader, and about the result
-  /// Why the result is not that of the whole drive, or empty: DriveReader::failure(), or that there
-  /// is no metric pose, with the most frequent reason.
+  /// Why the result is not that of the whole drive, or empty: DriveReader::failure(), failureOf(),
+  /// or LensEstimate::contradiction().
   std::string failure;
 
   /// One line: images read, used and not used; share of the frames with a held scale; where the

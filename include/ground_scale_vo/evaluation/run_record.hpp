@@ -100,6 +100,8 @@ class OfflineRun {
   void setSpeeds(const std::vector<SpeedSample>& speeds) {
     speeds_.assign(speeds.begin(), speeds.end());
   }
+  /// MetricOdometry::changeCamera().
+  void changeCamera(const CameraCalibration& camera) { odometry_.changeCamera(camera); }
   void appendUnused(std::int64_t stamp_ns) { record_.appendUnused(stamp_ns); }
   /// The record gets the smoothed poses; needs Options::scale.record.
   void smooth() { record_.smooth(odometry_.smoothed()); }

@@ -17,12 +17,18 @@
 
 namespace gsv {
 
+struct CameraInfo;
+class CameraInput;
+
 /// An image as it is stored.
 struct StoredImage {
   std::int64_t stamp_ns = 0;
   cv::Mat pixels;        ///< of 8 or 16 bits; empty with an error
   std::string encoding;  ///< of the pixels, for GreyConverter::convert()
   std::string error;     ///< why there are no pixels
+  std::string frame_id;  ///< of a message: the name of the camera
+  /// That came between the previous image and this one.
+  std::vector<std::shared_ptr<const CameraInfo>> camera_infos;
 };
 
 /// The images of a drive in their order: a folder, a video, or a topic of a bag.
@@ -43,6 +49,9 @@ class ImageSource {
   virtual void skip() { next(); }
 };
 
+/// Largest share of the images of a drive that may be left out.
+constexpr double kMaxLeftOut = 0.25;
+
 /// Reads a drive image by image, by the rules that the nodelets apply to their topics: decoding,
 /// grey, size, stamps. Decodes an image while the caller processes the previous one.
 class DriveReader {
@@ -52,6 +61,10 @@ class DriveReader {
     CameraCalibration camera;
     std::string source;
     double fov_deg = 0;  ///< horizontal field of view, instead of `camera`; 0: none
+    /// Topic of StoredImage::camera_infos, of which `camera` is the first valid one; empty: they
+    /// are not used.
+    std::string info_topic = {};
+    bool image_is_rectified = false;  ///< readCameraInfo()
   };
   struct Options {
     std::string mask_file;  ///< of the images as they come; empty: none
@@ -61,6 +74,8 @@ class DriveReader {
   struct Image {
     std::int64_t stamp_ns = 0;  ///< increases from image to image
     cv::Mat grey;               ///< 8-bit, as it comes; empty: the image cannot be used
+    /// Another object than that of the image before: another camera, the odometry starts anew.
+    std::shared_ptr<const CameraCalibration> camera;
     double decode_ms = 0;
   };
 
@@ -71,13 +86,16 @@ class DriveReader {
 
   const std::string& name() const { return source_->name(); }
   std::size_t count() const { return source_->count(); }  ///< approximate for a video
-  /// Of the images as they come, with their size; and their mask, which may be empty.
-  const CameraCalibration& camera() const { return camera_; }
-  const cv::Mat& mask() const { return mask_; }
+  /// Of the first images as they come, with their size; and their mask, which may be empty.
+  const CameraCalibration& camera() const { return *camera_; }
+  const cv::Mat& mask() const;
 
   /// Every image of the source in order, also those that cannot be used. Empty after the last one.
   /// Throws DataError when the stamps of the first images are unusable.
   std::optional<Image> next();
+  /// The next one that can be used, for what knows one camera only: throws DataError when another
+  /// one follows.
+  std::optional<Image> nextOfCamera();
 
   /// Some images of the drive as they come, instead of next(): those with these numbers (from 0,
   /// ascending), in grey; an empty one where it cannot be decoded. The others are not decoded.
@@ -90,7 +108,8 @@ class DriveReader {
   /// What went wrong so far: one sentence for each kind, with the number of images.
   std::vector<std::string> warnings() const;
   /// After the last image: why the result is not that of the whole drive, in one sentence, or
-  /// empty. An image is damaged, the file ends early, or more than half of the images are not used.
+  /// empty. An image is damaged, the file ends early, or more than a quarter of the images are not
+  /// used.
   std::string failure() const;
 
  private:
@@ -112,6 +131,7 @@ class DriveReader {
   void startLoading();
   Stored load();
   void open(const cv::Size& size);
+  void useCameraInfos(const StoredImage& image);
   void add(const Stored& stored);
   void end(const std::string& error);
   void use(const EntryPtr& entry, bool starts_again);
@@ -126,9 +146,10 @@ class DriveReader {
   const Options options_;
   std::future<Stored> loading_;
   std::deque<Stored> first_;  ///< read by the constructor
-  CameraCalibration camera_;
-  cv::Mat mask_;
-  GreyConverter grey_converter_;
+  std::unique_ptr<CameraInput> input_;
+  std::shared_ptr<const CameraCalibration> camera_;  ///< of the first images
+  /// Sentences: the first camera_info that is refused, the first change of the camera; or empty.
+  std::string info_error_, camera_change_;
   StampFilter stamp_filter_;
   std::deque<EntryPtr> entries_;  ///< not yet returned
   std::deque<EntryPtr> waiting_;  ///< those in stamp_filter_

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <string>
 #include <vector>
 
 #include "ground_scale_vo/input/camera.hpp"
@@ -62,6 +63,11 @@ struct LensEstimate {
   /// Squared Mahalanobis distance of `current` from the estimate. If `current` is exact and was the
   /// prior's lens, the mean is at most kLensParameters.
   double significance(const Lens& current) const;
+
+  /// That the given lens, with which the estimate began, has a radial distortion that no published
+  /// calibration of the camera would have, in one sentence; empty: it has not. Distances before
+  /// the estimate are then wrong.
+  std::string contradiction(const Lens& given) const;
 };
 
 /// The lens with its parameters changed by delta.

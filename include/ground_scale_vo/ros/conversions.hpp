@@ -79,6 +79,7 @@ sensor_msgs::ImagePtr toMsg(const cv::Mat& pixels, const std::string& encoding,
 /// decodePixels(), without the plugin of image_transport, which Debian lacks. Throws DataError.
 cv::Mat decode(const sensor_msgs::CompressedImage& image);
 
+CameraInfo fromMsg(const sensor_msgs::CameraInfo& info);
 /// camera_info of images with plumb_bob or no distortion.
 sensor_msgs::CameraInfo toCameraInfo(const CameraCalibration& calibration);
 sensor_msgs::CameraInfo toCameraInfo(const PinholeCamera& camera);

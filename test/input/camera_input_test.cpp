@@ -1,0 +1,87 @@
+#include "input/camera_input.hpp"
+
+#include <gtest/gtest.h>
+
+#include <string>
+
+#include "ground_scale_vo/common/error.hpp"
+#include "support/expect_throws.hpp"
+
+namespace gsv {
+namespace {
+
+CameraInfo infoOf(double fx, double k1 = 0) {
+  CameraInfo info;
+  info.width = 8;
+  info.height = 6;
+  info.distortion_model = "plumb_bob";
+  info.D = {k1, 0, 0, 0, 0};
+  info.K = {fx, 0, 4, 0, 10, 3, 0, 0, 1};
+  return info;
+}
+
+cv::Mat uniformImage(int width, int height) { return {height, width, CV_8UC1, cv::Scalar(100)}; }
+
+TEST(CameraInput, ReplacesItsCameraOnlyForAnotherValidCalibration) {
+  for (const double k1 : {0.0, -0.2}) {
+    const CameraInfo original = infoOf(10, k1);
+    CameraInput input(false);
+    EXPECT_EQ(input.camera(), nullptr);
+    input.setCameraInfo(original, "t");
+    const auto first = input.camera();
+    ASSERT_NE(first, nullptr);
+    EXPECT_THROW(input.setCameraInfo(CameraInfo(), "t"), DataError);
+    EXPECT_EQ(input.camera(), first);
+    // A calibration on line varies by less than a tenth of a pixel.
+    CameraInfo other;
+    for (const std::size_t i : {0, 2, 4, 5}) {
+      other = original;
+      other.K[i] += 0.05;
+      input.setCameraInfo(other, "t");
+      EXPECT_EQ(input.camera(), first) << i;
+    }
+    other = original;
+    other.D[0] += 1e-3;
+    input.setCameraInfo(other, "t");
+    EXPECT_EQ(input.camera(), first);
+    other.D[0] += 0.2;
+    input.setCameraInfo(other, "t");
+    EXPECT_NE(input.camera(), first);
+    input.setCameraInfo(infoOf(11, k1), "t");
+    EXPECT_EQ(input.camera()->fx, 11);
+  }
+}
+
+TEST(CameraInput, ImagesOfAnotherFrameIdAreOfAnotherCamera) {
+  CameraInput input(false);
+  input.setCameraInfo(infoOf(10), "t");
+  const auto first = input.camera();
+  EXPECT_TRUE(input.isOfCamera("a"));
+  EXPECT_TRUE(input.isOfCamera("a"));
+  EXPECT_EQ(input.camera(), first);
+  EXPECT_TRUE(input.isOfCamera("b"));
+  EXPECT_NE(input.camera(), first);
+  EXPECT_TRUE(input.isOfCamera("a"));
+  EXPECT_EQ(input.sourceError("/image"), "");
+  EXPECT_FALSE(input.isOfCamera("b"));
+  EXPECT_EQ(input.sourceError("/image"),
+            "two cameras publish on /image: images with the frame_id \"a\" are used, those with "
+            "\"b\" are not");
+}
+
+TEST(CameraInput, TheMaskHasTheSizeOfThePublishedImages) {
+  CameraInput input(false, uniformImage(3, 2), "the mask m.png");
+  expectThrows<DataError>([&] { input.setCameraInfo(infoOf(10), "/info"); },
+                          "the mask m.png is 3x2, the camera 8x6 of camera_info on topic /info");
+  EXPECT_EQ(input.camera(), nullptr);
+  CameraInfo cropped = infoOf(10);
+  cropped.roi.x_offset = 2;
+  cropped.roi.width = 6;
+  cropped.roi.height = 4;
+  cropped.binning_x = cropped.binning_y = 2;
+  EXPECT_NO_THROW(input.setCameraInfo(cropped, "t"));
+  EXPECT_EQ(input.grey(uniformImage(3, 2)).size(), cv::Size(3, 2));
+}
+
+}  // namespace
+}  // namespace gsv

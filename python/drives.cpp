@@ -237,8 +237,9 @@ gsv::RepeatableDrive toDrive(const py::object& open, const std::string& name,
 /// is_smooth: DriveRun::Options::smooth, with lensOfDrive(). is_rough: of lensOfDrive(). Returns
 /// warnings, summary, failure and exit status.
 py::dict run(const py::object& open, const std::string& name, double camera_height,
-             const std::vector<std::string>& settings, const std::string& speed_file,
-             const std::string& folder, bool is_smooth, bool is_rough, bool is_strict) {
+             const std::vector<std::string>& settings, const std::vector<gsv::SpeedSample>& speeds,
+             double speed_offset, const std::string& folder, bool is_smooth, bool is_rough,
+             bool is_strict) {
   const auto reader = open().cast<ReaderPtr>();
   const gsv::RepeatableDrive images = toDrive(open, name + ", lens", reader->drive->camera());
   gsv::DriveRun result;
@@ -247,7 +248,8 @@ py::dict run(const py::object& open, const std::string& name, double camera_heig
     gsv::DriveRun::Options options;
     options.odometry.scale.camera_height = camera_height;
     options.settings = settings;
-    if (!speed_file.empty()) options.speeds = gsv::readSpeeds(speed_file);
+    options.speeds = speeds;
+    options.speed_offset = speed_offset;
     options.smooth = is_smooth;
     if (is_smooth || is_rough) {
       options.lens = gsv::lensOfDrive(images, *reader->drive, options, is_rough);
@@ -388,6 +390,11 @@ void addDrives(py::module* module) {
   module->def("open_messages", &openMessages);
   module->def("require_no_bag", [](const std::string& path) { gsv::requireNoBag(path); });
   module->def("result_name", &gsv::resultName);
+  py::class_<gsv::SpeedSample>(*module, "SpeedSample");
+  module->def("read_speeds", [](const std::string& file, const std::string& unit, bool has_height) {
+    return gsv::readSpeeds(file, unit, has_height);
+  });
+  module->def("read_velocities", &gsv::readVelocities);
   module->def("run", &run);
   module->def("clock_offset", &clockOffset);
   module->def("calibrate_lens", &calibrateLens);

@@ -105,6 +105,7 @@ py::dict toResult(const Output& output) {
   result["reason"] = gsv::toString(estimate.measurement);
   result["map_id"] = output.vo.frame.map_id;
   result["source"] = gsv::toString(estimate.source);
+  result["speed_error"] = output.scale.speed_error;
   result["speed_warning"] = output.scale.speed_warning;
   for (const char* name :
        {"pose", "covariance", "scale", "sigma", "plane", "camera_height", "camera_height_sigma"}) {

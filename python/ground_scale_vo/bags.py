@@ -1,7 +1,7 @@
 """The images and GPS fixes of a bag, read with the Python module rosbag."""
 
 import re
-from typing import Any, Iterator, Optional, Tuple
+from typing import Any, Iterator, List, Optional, Tuple
 
 import numpy as np
 
@@ -10,6 +10,8 @@ from ._core import DataError
 
 DEFAULT_FIX_SIGMA = 2.5  # [m] of a fix relative to its neighbours, where the receiver states none
 _IMAGE_TYPES = ("sensor_msgs/Image", "sensor_msgs/CompressedImage")
+_SPEED_TYPES = ("nav_msgs/Odometry", "geometry_msgs/TwistStamped", "geometry_msgs/TwistWithCovarianceStamped")
+_NUMBER_TYPES = ("std_msgs/Float32", "std_msgs/Float64")  # without stamp and unit
 
 
 def open_bag(file: str, topic: Optional[str], info: Optional[str], rectified: bool, camera: str, fov: float, mask: str,
@@ -58,6 +60,31 @@ def fixes(file: str, topic: str) -> Tuple[np.ndarray, np.ndarray, float]:
     return stamps, np.stack([east, north, altitude - altitude[0]], -1), float(np.median(sigma))
 
 
+def speeds(file: str, topic: str, unit: str) -> Tuple[List[_core.SpeedSample], str]:
+    """The speeds of a topic, and a sentence about those that cannot be used, or "". unit: of the speeds; "": that of the
+    type. Raises DataError."""
+    bag, topics = _open(file)
+    names = [name for name in topics if _bare(name) == _bare(topic)]
+    types = {topics[name].msg_type for name in names}
+    if not names or not types <= {*_SPEED_TYPES, *_NUMBER_TYPES}:
+        candidates = sorted(name for name, info in topics.items() if info.msg_type in _SPEED_TYPES + _NUMBER_TYPES)
+        raise DataError(f"{file}: {topic} {'holds ' + ', '.join(types) if names else 'is no topic of it'}; its topics with "
+                        f"a speed are {', '.join(candidates) or 'none'}")
+    if not unit and types & {*_NUMBER_TYPES}:
+        raise DataError(f"{file}: {topic} holds {', '.join(types)}, whose unit is not known: --speed-unit is missing")
+    velocities = [_velocity(message, arrival) for name in names for message, arrival in _stamped(bag, file, name)]
+    return _core.read_velocities(velocities, unit or "mps", topic)
+
+
+def _velocity(message, arrival):
+    if not hasattr(message, "header"):
+        return arrival.to_nsec(), (message.data, 0.0, 0.0), 0.0
+    twist, variance = message.twist, 0.0
+    if hasattr(twist, "covariance"):
+        twist, variance = twist.twist, twist.covariance[0]
+    return message.header.stamp.to_nsec(), (twist.linear.x, twist.linear.y, twist.linear.z), variance
+
+
 def _bare(topic):
     return topic.lstrip("/")
 
@@ -100,9 +127,13 @@ def _fields(bag, file, *topics) -> Iterator[Any]:
 
 
 def _messages(bag, file, *topics) -> Iterator[Any]:
+    return (message for message, _ in _stamped(bag, file, *topics))
+
+
+def _stamped(bag, file, *topics) -> Iterator[Any]:
     try:
-        for _, message, _ in bag.read_messages(topics):
-            yield message
+        for _, message, arrival in bag.read_messages(topics):
+            yield message, arrival
     except Exception as error:  # of many types for a damaged file
         raise DataError(f"{file}: cannot be read to its end ({error})") from None
 

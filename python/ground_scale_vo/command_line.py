@@ -56,9 +56,15 @@ def add_run(command):
                          "--set refine_camera=false: the calibration is exact")
     command.add_argument("--camera-height", type=float, metavar="M",
                          help="of the camera above the road [m]; required without --speed")
-    command.add_argument("--speed", type=pathlib.Path, metavar="FILE",
-                         help="speeds of the vehicle: CSV with the columns stamp [s] and speed [m/s], optionally "
-                         "sigma, or the folder oxts/ of a KITTI raw drive")
+    command.add_argument("--speed", metavar="FILE|TOPIC",
+                         help="speeds of the vehicle: CSV with the columns stamp and speed_mps, speed_kmh, speed_mph, "
+                         "speed_knots or speed_mmps, optionally sigma; the folder oxts/ of a KITTI raw drive; or a topic of "
+                         "the bag, Odometry, TwistStamped, TwistWithCovarianceStamped, Float32 or Float64")
+    command.add_argument("--speed-unit", choices=("mps", "kmh", "mph", "knots", "mmps"),
+                         help="of a column speed, or of the topic's messages (default: m/s; required for a column speed "
+                         "without --camera-height, and for Float32 and Float64)")
+    command.add_argument("--speed-offset", type=float, default=0.0, metavar="S",
+                         help="added to the stamps of the speeds [s], when they are of another clock")
     command.add_argument("--out", type=pathlib.Path, default=pathlib.Path("results"), metavar="DIR",
                          help="results go to DIR/<name of the input>/ (default: results)")
     command.add_argument("--smooth", action="store_true",
@@ -155,17 +161,30 @@ def run(arguments):
         raise ValueError(f"--out {arguments.out} would write the results to the input")
     if arguments.camera_height is None and not arguments.speed:
         raise ValueError("--camera-height is needed, or --speed, see --help")
+    speeds, sentence = read_speeds(arguments)
     open_reader = opener(arguments.input, arguments, arguments.fov or 0.0)
-    result = _core.run(open_reader, name, arguments.camera_height or 0.0, arguments.set,
-                       str(arguments.speed or ""), str(folder), arguments.smooth, bool(arguments.fov), arguments.strict)
+    result = _core.run(open_reader, name, arguments.camera_height or 0.0, arguments.set, speeds, arguments.speed_offset,
+                       str(folder), arguments.smooth, bool(arguments.fov), arguments.strict)
     draw(folder)
     write_page(folder, open_reader)
-    for sentence in result["warnings"]:
+    for sentence in [*filter(None, [sentence]), *result["warnings"]]:
         print(f"{name}: {sentence}", file=sys.stderr)
     print(f"{name}: {result['summary']}; written to {folder}", flush=True)
     if result["failure"]:
         print(f"{name}: {result['failure']}", file=sys.stderr)
     return result["status"]
+
+
+def read_speeds(arguments):
+    """The speeds, and a sentence about those that are left out, or ""."""
+    if not arguments.speed:
+        if arguments.speed_unit or arguments.speed_offset:
+            raise ValueError("--speed-unit and --speed-offset are for --speed")
+        return [], ""
+    unit = arguments.speed_unit or ""
+    if arguments.input.suffix == ".bag" and not pathlib.Path(arguments.speed).exists():
+        return bags.speeds(str(arguments.input), arguments.speed, unit)
+    return _core.read_speeds(arguments.speed, unit, arguments.camera_height is not None), ""
 
 
 def calibrate(arguments):

@@ -49,6 +49,7 @@ class Result(NamedTuple):
     camera_height: [m] above the road, given or learned from speeds; None while neither.
     camera_height_sigma: its standard deviation [m]; 0: given as exact.
     source: what the scale was measured with: "road", "speed", "both", or "none".
+    speed_error: why the speeds cannot be used, such as another unit, one sentence; empty: they can.
     speed_warning: what is wrong with the speeds, one sentence; empty: nothing.
     track_ids: (N,) uint64, ascending; constant while a corner is tracked.
     points: (N, 3) float32, the points of the tracks in this camera's axes [m]; NaN for a track
@@ -68,6 +69,7 @@ class Result(NamedTuple):
     camera_height: Optional[float]
     camera_height_sigma: Optional[float]
     source: str
+    speed_error: str
     speed_warning: str
     tracks: np.ndarray
     track_ids: np.ndarray
@@ -150,6 +152,7 @@ class MetricOdometry(Record):
         stamp: [ns] of the clock of the images.
         speed: [m/s], negative: backwards.
         sigma: its standard deviation [m/s]; 0: the option speed_sigma.
+        Raises ValueError without use_speed=True.
         """
         self._odometry.add_speed(_integer("stamp", stamp, _LAST_STAMP_NS), _number("speed", speed),
                                  _number("sigma", sigma))

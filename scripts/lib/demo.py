@@ -46,8 +46,13 @@ def parse():
                         help="play this bag, or the parts of a split recording: --bag drive_*.bag")
     source.add_argument("--sequence", type=path, metavar="DIR", help="convert this KITTI folder to a bag and play it")
     parser.add_argument("--camera-height", type=positive, metavar="M",
-                        help="height of the camera above the road [m] (default 1.65, as in KITTI and in the rendered drive; "
-                        "required with other topics than those of /kitti)")
+                        help="height of the camera above the road [m] (default without --speed: 1.65, as in KITTI and in the "
+                        "rendered drive; required with other topics than those of /kitti)")
+    parser.add_argument("--speed", default="", metavar="TOPIC",
+                        help="speed of the vehicle in the bag: Odometry, TwistStamped or TwistWithCovarianceStamped, or with "
+                        "--speed-unit Float32 or Float64")
+    parser.add_argument("--speed-unit", default="", choices=("mps", "kmh", "mph", "knots", "mmps"),
+                        help="its unit (default: m/s)")
     parser.add_argument("--rate", type=positive, default=1.0, metavar="R",
                         help="playback rate relative to the recording (default 1)")
     parser.add_argument("--rviz", action="store_true", help="start rviz; without a display the run continues without it")
@@ -81,7 +86,11 @@ def parse():
 
 
 def check(parser, arguments):
-    if arguments.camera_height is None:
+    if arguments.speed_unit and not arguments.speed:
+        parser.error("--speed-unit is for --speed")
+    if arguments.speed and not arguments.bag:
+        parser.error("--speed is for --bag")
+    if arguments.camera_height is None and not arguments.speed:
         if arguments.image and not arguments.image.lstrip("/").startswith("kitti/"):
             parser.error(f"--image {arguments.image} needs --camera-height, which scales all distances")
         arguments.camera_height = 1.65
@@ -179,7 +188,8 @@ def play(bags, results, arguments):
     """True if the bag was played to its end."""
     port, environment = private_master()
     options = {
-        "required": "true", "bag": " ".join(shlex.quote(str(bag)) for bag in bags), "camera_height": arguments.camera_height, "image": arguments.image,
+        "required": "true", "bag": " ".join(shlex.quote(str(bag)) for bag in bags), "image": arguments.image,
+        "camera_height": arguments.camera_height or "", "speed": arguments.speed, "speed_unit": arguments.speed_unit,
         "camera_info": arguments.camera_info, "rate": arguments.rate, "rviz": str(arguments.rviz).lower(),
         "base_frame": arguments.base_frame, "mask": arguments.mask or "", "camera_file": arguments.camera or "",
         "record": results / "recorded.bag"}
@@ -237,7 +247,7 @@ def main():
             return 1
         evaluated = subprocess.run(
             [tools / "evaluate_bag", "--played", *bags, "--recorded", results / "recorded.bag", "--out", results,
-             "--camera-height", str(arguments.camera_height),
+             *(["--camera-height", str(arguments.camera_height)] if arguments.camera_height else []),
              *(["--image", arguments.image] if arguments.image else [])], stderr=subprocess.PIPE, text=True)
         if (results / "metrics.json").exists():  # also when they are no result
             subprocess.run([tools / "metrics_table.py", results], check=True)

@@ -12,6 +12,7 @@
 #include "common/time.hpp"
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/common/options.hpp"
+#include "ground_scale_vo/evaluation/clock_offset.hpp"
 #include "ground_scale_vo/evaluation/metrics.hpp"
 #include "ground_scale_vo/evaluation/run_failure.hpp"
 #include "ground_scale_vo/evaluation/run_report.hpp"
@@ -46,25 +47,12 @@ MetricFrames metricFramesOf(const RunRecord& record) {
 }
 
 /// Every kind of sentence about the speeds that holds for a second or more, with its first wording.
-void addSpeedWarnings(const RunRecord& record, const std::vector<SpeedSample>& speeds,
-                      std::vector<std::string>* warnings) {
+void addSpeedWarnings(const RunRecord& record, std::vector<std::string>* warnings) {
   constexpr std::size_t kMinFrames = 10, kKindLength = 14;
   struct Kind {
     std::string sentence;
     std::size_t frames = 0;
   };
-  if (record.frames().empty()) return;
-  const std::int64_t first_ns = record.frames().front().stamp_ns;
-  const std::int64_t last_ns = record.frames().back().stamp_ns;
-  if (speeds.front().stamp_ns > last_ns || speeds.back().stamp_ns < first_ns) {
-    warnings->push_back(
-        format("no speed is used: the images are from %s to %s s, the speeds from "
-               "%s to %s s",
-               formatSeconds(first_ns).c_str(), formatSeconds(last_ns).c_str(),
-               formatSeconds(speeds.front().stamp_ns).c_str(),
-               formatSeconds(speeds.back().stamp_ns).c_str()));
-    return;
-  }
   std::map<std::string, Kind> kinds;
   for (const RunFrame& frame : record.frames()) {
     if (frame.speed_warning.empty()) continue;
@@ -102,6 +90,60 @@ std::string runJson(const DriveRun& run) {
                       sigmas[3], sigmas[4]));
   }
   return json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+}
+
+/// Of the odometry, in the units of its maps.
+std::vector<SpeedSample> unscaledSpeeds(const RunRecord& record) {
+  std::vector<SpeedSample> speeds;
+  const RunFrame* last = nullptr;
+  for (const RunFrame& frame : record.frames()) {
+    if (!frame.has_vo_pose) continue;
+    if (last && last->map_id == frame.map_id) {
+      const std::int64_t middle_ns = last->stamp_ns + (frame.stamp_ns - last->stamp_ns) / 2;
+      const double step = (frame.T_w_c.translation() - last->T_w_c.translation()).norm();
+      speeds.push_back({middle_ns, step / secondsBetween(last->stamp_ns, frame.stamp_ns), 0});
+    }
+    last = &frame;
+  }
+  return speeds;
+}
+
+/// Without sign, and without the repetitions of a value that the sensor holds.
+std::vector<SpeedSample> measuredMagnitudes(const std::vector<SpeedSample>& speeds) {
+  std::vector<SpeedSample> result;
+  for (SpeedSample speed : speeds) {
+    speed.speed = std::abs(speed.speed);
+    const bool is_held = !result.empty() && speed.speed == result.back().speed && speed.speed > 0;
+    if (!is_held) result.push_back(speed);
+  }
+  return result;
+}
+
+/// Why the speeds do not belong to the images, or empty: another clock, by the motion; another
+/// unit.
+std::string speedFailure(const RunRecord& record, const DriveRun::Options& options) {
+  constexpr double kMaxOffset = 0.3, kOffsetSigmas = 4;
+  if (options.speeds.empty() || record.frames().empty()) return "";
+  const auto offset = clockOffset(unscaledSpeeds(record), measuredMagnitudes(options.speeds));
+  const std::string remedy = offset ? format("the motion suggests --speed-offset %.2f",
+                                             options.speed_offset + offset->offset_s)
+                                    : std::string("--speed-offset S adds S to their stamps");
+  const std::int64_t first_ns = record.frames().front().stamp_ns;
+  const std::int64_t last_ns = record.frames().back().stamp_ns;
+  if (options.speeds.front().stamp_ns > last_ns || options.speeds.back().stamp_ns < first_ns) {
+    return format("no speed is used: the images are from %s to %s s, the speeds from %s to %s s: ",
+                  formatSeconds(first_ns).c_str(), formatSeconds(last_ns).c_str(),
+                  formatSeconds(options.speeds.front().stamp_ns).c_str(),
+                  formatSeconds(options.speeds.back().stamp_ns).c_str()) +
+           remedy;
+  }
+  if (offset &&
+      std::abs(offset->offset_s) > std::max(kMaxOffset, kOffsetSigmas * offset->sigma_s)) {
+    return format("the speeds are %.2f s %s than the motion in the images: ",
+                  std::abs(offset->offset_s), offset->offset_s < 0 ? "later" : "earlier") +
+           remedy;
+  }
+  return record.frames().back().speed_error;
 }
 
 MetricOdometry::Options optionsOf(const DriveRun::Options& options, const DriveReader& drive) {
@@ -164,8 +206,11 @@ LensEstimate lensOfDrive(const RepeatableDrive& images, const DriveReader& drive
   return estimate;
 }
 
-DriveRun runDrive(DriveReader* drive, const DriveRun::Options& options,
+DriveRun runDrive(DriveReader* drive, DriveRun::Options options,
                   const DriveRun::OnFrame& on_frame) {
+  for (SpeedSample& speed : options.speeds) {
+    speed.stamp_ns += std::llround(1e9 * options.speed_offset);
+  }
   MetricOdometry::Options odometry_options = optionsOf(options, *drive);
   CameraCalibration camera = drive->camera();
   if (options.lens) {
@@ -194,7 +239,8 @@ DriveRun runDrive(DriveReader* drive, const DriveRun::Options& options,
   run.used = drive->used();
   run.warnings = drive->warnings();
   run.failure = drive->failure();
-  if (!options.speeds.empty()) addSpeedWarnings(run.record, options.speeds, &run.warnings);
+  if (run.failure.empty()) run.failure = speedFailure(run.record, options);
+  addSpeedWarnings(run.record, &run.warnings);
   if (run.failure.empty()) run.failure = failureOf(run.record);
   if (run.failure.empty() && !options.lens) {
     run.failure = run.lens.contradiction(lensOf(camera));

@@ -1,11 +1,8 @@
 #include "ground_scale_vo/evaluation/run_record.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <limits>
 #include <stdexcept>
-
-#include "ground_scale_vo/evaluation/metrics.hpp"
 
 namespace gsv {
 
@@ -20,6 +17,7 @@ void RunRecord::append(const VisualOdometry::Output& vo, const ScaleRecovery::Ou
   frame.map_id = vo.frame.map_id;
   frame.has_vo_pose = vo.frame.status == VoStatus::kTracking;
   if (frame.has_vo_pose) frame.T_w_c = vo.frame.T_w_c;
+  frame.speed_error = scale.speed_error;
   frame.speed_warning = scale.speed_warning;
   frame.decode_ms = decode_ms;
   frame.vo_times = vo.times;
@@ -53,6 +51,7 @@ void RunRecord::setMetric(std::size_t index, const ScaleEstimate& scale,
                             : Eigen::Isometry3d::Identity();
   if (!pose) return;
   frame.covariance = pose->covariance;
+  frame.distance_sigma = pose->distance_sigma;
   if (!has_metric_pose_) fillBackwards(index);
   has_metric_pose_ = true;
 }
@@ -79,6 +78,7 @@ void RunRecord::appendUnused(std::int64_t stamp_ns) {
   if (!frames_.empty()) {
     frame.vo_status = frames_.back().vo_status;
     frame.map_id = frames_.back().map_id;
+    frame.speed_error = frames_.back().speed_error;
   }
   frames_.push_back(frame);
   holdMetric(frames_.size() - 1);
@@ -140,15 +140,7 @@ std::vector<Eigen::Isometry3d> RunRecord::metricPoses() const {
 double RunRecord::lengthSigma() const {
   const auto last = std::find_if(frames_.rbegin(), frames_.rend(),
                                  [](const RunFrame& frame) { return frame.has_metric_pose; });
-  if (last == frames_.rend()) return std::numeric_limits<double>::quiet_NaN();
-  const Eigen::Matrix3d covariance = last->covariance.topLeftCorner<3, 3>();
-  const Eigen::Vector3d displacement =
-      last->T_o_c.translation() - frames_.front().T_o_c.translation();
-  const double distance = displacement.norm();
-  if (!(distance > 0)) return std::sqrt(covariance.trace());
-  const Eigen::Vector3d along = displacement / distance;
-  return std::sqrt(along.dot(covariance * along)) *
-         std::max(1.0, pathLength(metricPoses()) / distance);
+  return last == frames_.rend() ? std::numeric_limits<double>::quiet_NaN() : last->distance_sigma;
 }
 
 std::vector<Eigen::Isometry3d> RunRecord::unscaledPoses() const {

@@ -136,24 +136,6 @@ std::string missingNumbers(const fs::path& folder, const std::vector<std::uint64
 /// Frame rates of cameras on vehicles: 0.5 to 250 Hz.
 constexpr long double kMinInterval = 0.004L, kMaxInterval = 2;  // [s]
 
-/// The number of nanoseconds in the unit of the stamps. 0: none gives a plausible frame rate.
-long double unitOf(const std::vector<long double>& values) {
-  std::vector<long double> intervals;
-  for (std::size_t i = 1; i < values.size(); ++i) {
-    if (values[i] > values[i - 1]) intervals.push_back(values[i] - values[i - 1]);
-  }
-  const auto middle = intervals.begin() + static_cast<long>(intervals.size() / 2);
-  std::nth_element(intervals.begin(), middle, intervals.end());
-  for (const long double unit : {1e9L, 1e6L, 1e3L, 1.0L}) {
-    const long double seconds = unit * 1e-9L, first = values.front() * seconds;
-    const bool is_plausible =
-        intervals.empty() ? first < kLatestStamp && (unit == 1e9L || first > kEarliestEpoch)
-                          : *middle * seconds >= kMinInterval && *middle * seconds <= kMaxInterval;
-    if (is_plausible) return unit;
-  }
-  return 0;
-}
-
 /// Stamps from one number a line, or from the second of three; lines that are no comments.
 std::vector<std::int64_t> readNumericStamps(const TextFile& text) {
   std::vector<long double> values;
@@ -175,7 +157,7 @@ std::vector<std::int64_t> readNumericStamps(const TextFile& text) {
     values.push_back(*value);
   }
   if (values.empty()) return {};
-  const long double unit = unitOf(values);
+  const long double unit = nanosecondsPerUnit(values, kMinInterval, kMaxInterval);
   if (unit == 0) {
     text.fail(lines.front(),
               "the stamps, " + stamps.front() + ", " + stamps[values.size() > 1] +
@@ -209,6 +191,24 @@ std::int64_t readUtc(const TextFile& text, std::size_t i) {
 }
 
 }  // namespace
+
+long double nanosecondsPerUnit(const std::vector<long double>& values, long double min_interval,
+                               long double max_interval) {
+  std::vector<long double> intervals;
+  for (std::size_t i = 1; i < values.size(); ++i) {
+    if (values[i] > values[i - 1]) intervals.push_back(values[i] - values[i - 1]);
+  }
+  const auto middle = intervals.begin() + static_cast<long>(intervals.size() / 2);
+  std::nth_element(intervals.begin(), middle, intervals.end());
+  for (const long double unit : {1e9L, 1e6L, 1e3L, 1.0L}) {
+    const long double seconds = unit * 1e-9L, first = values.front() * seconds;
+    const bool is_plausible =
+        intervals.empty() ? first < kLatestStamp && (unit == 1e9L || first > kEarliestEpoch)
+                          : *middle * seconds >= min_interval && *middle * seconds <= max_interval;
+    if (is_plausible) return unit;
+  }
+  return 0;
+}
 
 NumberedFiles numberedFiles(const fs::path& folder, const std::vector<std::string>& extensions) {
   FilesByNumbers files;

@@ -202,6 +202,10 @@ ScaleRecoveryParams ScaleRecoveryParams::read(ParamReader& reader) {
       "height_file", params.height_file,
       "[] file to which the service save_height writes the camera height that was learned from "
       "speeds");
+  reader.declare("speed_unit", params.speed_unit,
+                 "[] of the topic speed: mps, kmh, mph, knots or mmps; empty: m/s, and messages "
+                 "without a stamp are refused");
+  if (!params.speed_unit.empty()) speedUnit(params.speed_unit);
   if (params.scale.camera_height == 0 && !params.scale.use_speed) {
     throw OptionError(
         "neither camera_height [m] is set nor use_speed true: the scale needs the height of the "

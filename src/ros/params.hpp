@@ -100,6 +100,7 @@ struct ScaleRecoveryParams {
   int queue_size = 10;
   double clock_jump_s = 1.0;
   std::string height_file;
+  std::string speed_unit;
   ScaleRecovery::Options scale;
 
   /// Throws OptionError that names the parameter.

@@ -3,6 +3,8 @@
 #include <geometry_msgs/TwistStamped.h>
 #include <geometry_msgs/TwistWithCovarianceStamped.h>
 #include <nav_msgs/Odometry.h>
+#include <std_msgs/Float32.h>
+#include <std_msgs/Float64.h>
 
 #include <cmath>
 #include <limits>
@@ -12,13 +14,8 @@
 namespace gsv {
 namespace {
 
-constexpr double kMaxVariance = 100;  ///< [m^2/s^2] more stands for "not known"
-
-/// Above this speed [m/s], a velocity at more than 45 degrees to x is not along x.
-constexpr double kMinDirectionSpeed = 2;
-
 /// The stamp, and the velocity with its covariance, which is 0 for a type without.
-nav_msgs::Odometry velocityOf(const topic_tools::ShapeShifter& message) {
+nav_msgs::Odometry velocityOf(const topic_tools::ShapeShifter& message, ros::Time arrival) {
   const auto is = [&](const char* type) { return message.getDataType() == type; };
   nav_msgs::Odometry velocity;
   try {
@@ -35,15 +32,24 @@ nav_msgs::Odometry velocityOf(const topic_tools::ShapeShifter& message) {
       velocity.twist.twist = stamped->twist;
       return velocity;
     }
+    velocity.header.stamp = arrival;
+    double& x = velocity.twist.twist.linear.x;
+    if (is("std_msgs/Float32")) {
+      x = message.instantiate<std_msgs::Float32>()->data;
+      return velocity;
+    }
+    if (is("std_msgs/Float64")) {
+      x = message.instantiate<std_msgs::Float64>()->data;
+      return velocity;
+    }
   } catch (const ros::Exception& error) {  // another definition of the type, or truncated
     throw DataError(std::string("cannot be read: ") + error.what());
   }
   throw DataError("has the type " + message.getDataType() +
-                  ", accepted are nav_msgs/Odometry, geometry_msgs/TwistStamped and "
-                  "geometry_msgs/TwistWithCovarianceStamped");
+                  ", accepted are nav_msgs/Odometry, geometry_msgs/TwistStamped, "
+                  "geometry_msgs/TwistWithCovarianceStamped, std_msgs/Float32 and "
+                  "std_msgs/Float64");
 }
-
-double finiteOrZero(double value) { return std::isfinite(value) ? value : 0; }
 
 }  // namespace
 
@@ -102,20 +108,18 @@ void FrameContinuity::numberMap(VoFrame& frame) {
   }
 }
 
-SpeedSample readSpeed(const topic_tools::ShapeShifter& message, bool* has_vehicle_axes) {
-  const nav_msgs::Odometry velocity = velocityOf(message);
-  const ros::Time stamp = velocity.header.stamp;
-  if (stamp.isZero()) throw DataError("has a stamp of zero, so its time is not known");
+SpeedReader::SpeedReader(const std::string& unit)
+    : has_unit_(!unit.empty()), velocities_(has_unit_ ? speedUnit(unit) : kSpeedUnits[0]) {}
+
+SpeedSample SpeedReader::read(const topic_tools::ShapeShifter& message, ros::Time arrival) {
+  const nav_msgs::Odometry velocity = velocityOf(message, arrival);
+  if (!has_unit_ && message.getDataType().rfind("std_msgs/", 0) == 0) {
+    throw DataError("has the type " + message.getDataType() +
+                    ", whose unit is not known: set speed_unit to mps, kmh, mph, knots or mmps");
+  }
   const geometry_msgs::Vector3& linear = velocity.twist.twist.linear;
-  const double x = linear.x;
-  if (!std::isfinite(x)) throw DataError("is not finite");
-  const double across = std::hypot(finiteOrZero(linear.y), finiteOrZero(linear.z));
-  const double norm = std::hypot(x, across);
-  if (norm > kMinDirectionSpeed && across > std::abs(x)) *has_vehicle_axes = false;
-  const double variance = velocity.twist.covariance[0];
-  const bool has_variance = variance > 0 && variance <= kMaxVariance;
-  return {toNanoseconds(stamp), *has_vehicle_axes ? std::copysign(norm, x) : norm,
-          has_variance ? std::sqrt(variance) : 0};
+  return velocities_.read(toNanoseconds(velocity.header.stamp), {linear.x, linear.y, linear.z},
+                          velocity.twist.covariance[0]);
 }
 
 }  // namespace gsv

@@ -142,14 +142,21 @@ class FrameImageSynchronizer {
   bool images_arrive_ = false;  ///< false: frames do not wait for images
 };
 
-/// Converts a message of the topic `speed`, whose type is found at run time. The speed is the
-/// length of twist.linear with the sign of x: negative is backwards. Once a velocity is not along
-/// x, as that of a GPS in east, north and up, speeds are positive: *has_vehicle_axes is false then.
-///
-/// A variance (twist.covariance[0]) that is not positive, not finite or above 100 m^2/s^2 is not
-/// known: sigma is 0. Components y and z that are not finite count as 0. Throws DataError, whose
-/// sentence continues "speed on TOPIC": a type without a speed, a stamp of zero, an x that is not
-/// finite.
-SpeedSample readSpeed(const topic_tools::ShapeShifter& message, bool* has_vehicle_axes);
+/// Converts the messages of the topic `speed`, whose type is found at run time.
+class SpeedReader {
+ public:
+  /// unit: SpeedUnit::name; empty: m/s, as REP-103 says for the messages with a stamp. Throws
+  /// OptionError.
+  explicit SpeedReader(const std::string& unit);
+
+  /// arrival: the stamp of a type without one. Throws DataError, whose sentence continues "speed on
+  /// TOPIC": that of VelocityReader, a type without a speed, or a number without a unit.
+  SpeedSample read(const topic_tools::ShapeShifter& message, ros::Time arrival);
+  bool hasVehicleAxes() const { return velocities_.hasVehicleAxes(); }
+
+ private:
+  bool has_unit_;
+  VelocityReader velocities_;
+};
 
 }  // namespace gsv

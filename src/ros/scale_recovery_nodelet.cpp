@@ -61,10 +61,11 @@ class ScaleRecoveryNodelet : public StageNodelet {
   State describe(Diagnostics& status) override;
 
   void subscribeToImages(ros::NodeHandle& handle);
+  void subscribeToSpeed(ros::NodeHandle& handle);
   void onImage(const sensor_msgs::ImageConstPtr& image);
   void onMask(const sensor_msgs::ImageConstPtr& mask);
   void onFrame(const VoFrameMsg::ConstPtr& msg);
-  void onSpeed(const topic_tools::ShapeShifter::ConstPtr& message);
+  void onSpeed(const ros::MessageEvent<const topic_tools::ShapeShifter>& event);
   /// Processes the frames that do not wait for their image; all of them unless they may_wait.
   void processReady(bool may_wait = true);
   void process(ReceivedFrame received, const sensor_msgs::ImageConstPtr& image);
@@ -95,7 +96,7 @@ class ScaleRecoveryNodelet : public StageNodelet {
   Continuity unprocessed_ = Continuity::kSameMap;  ///< of the last frame, if its processing failed
   ros::Subscriber speed_subscriber_;               ///< with use_speed
   std::uint64_t speeds_received_ = 0;
-  bool speeds_have_vehicle_axes_ = true;
+  std::unique_ptr<SpeedReader> speed_reader_;
   std::string speed_error_;  ///< why the newest speed was refused; empty: it was not
   std::optional<std::int64_t> newest_speed_ns_;
 
@@ -138,8 +139,8 @@ void ScaleRecoveryNodelet::start(ros::NodeHandle& handle, ros::NodeHandle& priva
   ground_plane_publisher_ = handle.advertise<visualization_msgs::Marker>("ground_plane", 1);
   if (params_.scale.refine) subscribeToImages(handle);
   if (params_.scale.use_speed) {
-    speed_subscriber_ =
-        handle.subscribe("speed", kSpeedQueue, &ScaleRecoveryNodelet::onSpeed, this);
+    speed_reader_ = std::make_unique<SpeedReader>(params_.speed_unit);
+    subscribeToSpeed(handle);
     advertise(private_handle, "save_height", [this] { return saveHeight(); });
   }
   // Last: a publisher that sees this subscription can rely on the subscription to the images.
@@ -213,11 +214,25 @@ void ScaleRecoveryNodelet::onFrame(const VoFrameMsg::ConstPtr& msg) {
   processReady();
 }
 
-void ScaleRecoveryNodelet::onSpeed(const topic_tools::ShapeShifter::ConstPtr& message) {
+/// Not to the odometry of these nodelets, which the speeds would only confirm.
+void ScaleRecoveryNodelet::subscribeToSpeed(ros::NodeHandle& handle) {
+  const std::string topic = handle.resolveName("speed");
+  for (const char* own : {"odometry", "vo/odometry"}) {
+    if (topic != handle.resolveName(own)) continue;
+    speed_error_ = "speed is the nodelets' own output " + topic +
+                   ", which measures nothing: remap it to a sensor of the vehicle";
+    log_->error("own speed", speed_error_);
+    return;
+  }
+  speed_subscriber_ = handle.subscribe("speed", kSpeedQueue, &ScaleRecoveryNodelet::onSpeed, this);
+}
+
+void ScaleRecoveryNodelet::onSpeed(
+    const ros::MessageEvent<const topic_tools::ShapeShifter>& event) {
   ++speeds_received_;
   speed_error_.clear();
   try {
-    const SpeedSample speed = readSpeed(*message, &speeds_have_vehicle_axes_);
+    const SpeedSample speed = speed_reader_->read(*event.getMessage(), event.getReceiptTime());
     recovery_->addSpeed(speed);
     newest_speed_ns_ = speed.stamp_ns;
   } catch (const DataError& error) {
@@ -299,16 +314,17 @@ void ScaleRecoveryNodelet::record(ScaleRecovery::Output output, const VoFrame& f
       tf && tf->base_frame != continuity_.cameraFrame() && !params_.moving_mount;
   report_.warnings = {mountingWarning(output, report_.turn_axis.upward(),
                                       is_mounted ? &*tf : nullptr, continuity_.cameraFrame()),
-                      output.speed_warning};
+                      output.speed_error.empty() ? output.speed_warning : ""};
   if (params_.scale.use_speed && !newest_speed_ns_) {
     report_.warnings.back() =
         speed_error_.empty() ? "no speed received yet on " + speed_subscriber_.getTopic() : "";
   }
-  if (!speeds_have_vehicle_axes_) {
+  if (speed_reader_ && !speed_reader_->hasVehicleAxes()) {
     report_.warnings.push_back("the velocity on " + speed_subscriber_.getTopic() +
                                " is not along x, so its length without a sign is used");
   }
   for (const std::string& warning : report_.warnings) log_->warnOfState(warning);
+  if (!output.speed_error.empty()) log_->error("speed error", output.speed_error);
 
   last_frame_had_image_ = has_image;
   if (has_image) ++with_image_;
@@ -366,14 +382,18 @@ StageNodelet::State ScaleRecoveryNodelet::describe(Diagnostics& status) {
   status.add("distance [m]", report_.distance_m);
   status.add("camera height [m]", scale.camera_height);
   status.add("sigma of the camera height [m]", scale.camera_height_sigma);
-  if (params_.scale.use_speed) status.add("speeds received", speeds_received_);
+  if (params_.scale.use_speed) {
+    status.add("speeds received", speeds_received_);
+    status.add("speed error", report_.last.speed_error);
+  }
   if (newest_speed_ns_) {
     status.add("age of the newest speed [s]", secondsBetween(*newest_speed_ns_, report_.stamp_ns));
   }
   State state;
   state.dropped = continuity_.missing() + log_->dropped("frame ");
   state.missing = missingInput(frame_subscriber_.getTopic());
-  state.errors = {output_->mountingError(), output_->otherParentError(), speed_error_};
+  state.errors = {output_->mountingError(), output_->otherParentError(), speed_error_,
+                  report_.last.speed_error};
   state.warnings = report_.warnings;
   state.warnings.push_back(continuity_.sequenceError());
   return state;

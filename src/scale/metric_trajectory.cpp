@@ -206,9 +206,10 @@ void MetricTrajectory::bridgeGap(const std::optional<Eigen::Vector3d>& velocity_
   const bool two_ended = velocity_ref.has_value();
   Eigen::Vector3d gap = Eigen::Vector3d::Zero();
   Matrix6d P = last_.covariance;
+  double gap_variance = 0;  // of each axis
   if (stood_still) {
     const double unobserved_s = secondsBetween(last_motion_stamp_ns_, map_->ref_stamp_ns);
-    P.diagonal().head<3>().array() += std::pow(unobserved_s * kUnobservedSpeedSigma, 2);
+    gap_variance = std::pow(unobserved_s * kUnobservedSpeedSigma, 2);
   } else {
     gap = arc(map_->R_last_ref, velocity_c_, velocity_ref.value_or(velocity_c_), dt);
     // Displacement error of an unknown acceleration; half of it if both ends are known.
@@ -217,15 +218,13 @@ void MetricTrajectory::bridgeGap(const std::optional<Eigen::Vector3d>& velocity_
     const double speed_variance =
         two_ended ? 0.25 * (velocity_variance_ + velocity_sigma * velocity_sigma)
                   : velocity_variance_;
-    P.diagonal().head<3>().array() +=
-        acceleration_sigma * acceleration_sigma + speed_variance * dt * dt;
+    gap_variance = acceleration_sigma * acceleration_sigma + speed_variance * dt * dt;
     if (length && gap.norm() > 0) {
       gap *= std::abs(metres) / gap.norm();
-      P = last_.covariance;
-      P.diagonal().head<3>().array() +=
-          std::pow(length_sigma, 2) + std::pow(kGapLengthSigma * metres, 2);
+      gap_variance = std::pow(length_sigma, 2) + std::pow(kGapLengthSigma * metres, 2);
     }
   }
+  P.diagonal().head<3>().array() += gap_variance;
   const Eigen::Vector3d gap_o = last_.T_o_c.linear() * gap;
   Matrix6d F = Matrix6d::Identity();
   F.topRightCorner<3, 3>() = -skew(gap_o);
@@ -234,13 +233,11 @@ void MetricTrajectory::bridgeGap(const std::optional<Eigen::Vector3d>& velocity_
   Eigen::Matrix<double, 6, 3> G;
   G << -0.5 * skew(gap_o), Eigen::Matrix3d::Identity();
   P += map_->rotation_variance * G * G.transpose();
-  const Eigen::Matrix<double, 6, 1> with_height = covariance_.block<6, 1>(0, 8);
-  const double height_variance = covariance_(8, 8);
-  covariance_.setZero();
+  // The errors of scale and angle belong to the map before.
+  covariance_.middleRows<2>(6).setZero();
+  covariance_.middleCols<2>(6).setZero();
   covariance_.topLeftCorner<6, 6>() = P;
-  covariance_.block<6, 1>(0, 8) = with_height;
-  covariance_.block<1, 6>(8, 0) = with_height.transpose();
-  covariance_(8, 8) = height_variance;
+  covariance_(9, 9) = std::pow(last_.distance_sigma, 2) + gap_variance;
   last_.T_o_c.translation() += gap_o;
   last_.T_o_c.linear() = renormalised(last_.T_o_c.linear() * map_->R_last_ref);
   last_.distance += gap.norm();
@@ -263,7 +260,10 @@ void MetricTrajectory::rescaleYoungMap(const Eigen::Isometry3d& T_last_c,
   with_scale.block<3, 1>(0, 6) = variance * motion_o;
   with_scale.block<1, 3>(6, 0) = variance * motion_o.transpose();
   with_scale(6, 6) = variance;
-  last_.covariance = with_scale.topLeftCorner<6, 6>();
+  const double metres = scale.scale * map_->travelled;
+  with_scale(9, 9) += variance * metres * metres;
+  with_scale(9, 6) = with_scale(6, 9) = variance * metres;
+  setLast(with_scale);
   if (map_->travelled < options_.young_map_heights * scale.height) return;
   map_->young = false;
   covariance_ = with_scale;
@@ -283,7 +283,12 @@ void MetricTrajectory::integrate(const Eigen::Isometry3d& T_last_c, const ScaleE
   last_.T_o_c.translation() += step_o;
   last_.T_o_c.linear() = renormalised(last_.T_o_c.linear() * T_last_c.linear());
   last_.distance += length;
-  last_.covariance = covariance_.topLeftCorner<6, 6>();
+  setLast(covariance_);
+}
+
+void MetricTrajectory::setLast(const StateCovariance& covariance) {
+  last_.covariance = covariance.topLeftCorner<6, 6>();
+  last_.distance_sigma = std::sqrt(std::max(0.0, covariance(9, 9)));
 }
 
 /// P <- F P F^T + Q for the motion T_last_c since the last pose, without the noise of the scale
@@ -299,6 +304,7 @@ void MetricTrajectory::propagateMotion(const Eigen::Isometry3d& T_last_c,
   StateCovariance F = StateCovariance::Identity();
   F.block<3, 3>(0, 3) = -skew(step_o);
   F.block<3, 1>(0, 6) = F.block<3, 1>(0, 8) = step_o;
+  F(9, 6) = F(9, 8) = length;
   F.block<3, 1>(3, 7) = R_o_last * rotationVector(T_last_c.linear());
   F(6, 6) = scale_correlation;
   F(7, 7) = std::exp(-length / options_.scale_correlation_m);
@@ -306,8 +312,11 @@ void MetricTrajectory::propagateMotion(const Eigen::Isometry3d& T_last_c,
   covariance_(7, 7) = angle_variance;
   covariance_.block<3, 3>(0, 0) += directionCovariance(step_o);
   covariance_.block<3, 3>(3, 3) += rotationVariance(length) * Eigen::Matrix3d::Identity();
-  covariance_.topLeftCorner<6, 6>() +=
+  const Matrix6d pose_noise =
       length / kPoseCorrelation * rotated(R_o_last * T_last_c.linear(), pose_covariance_c_);
+  covariance_.topLeftCorner<6, 6>() += pose_noise;
+  const Eigen::Vector3d along = step_o.normalized();
+  covariance_(9, 9) += along.dot(pose_noise.topLeftCorner<3, 3>() * along);
 }
 
 /// The scale filter provides the variances of the errors of scale and camera height; only the

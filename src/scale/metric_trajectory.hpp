@@ -45,8 +45,8 @@ class MetricTrajectory {
   /// What is known of the map that the next tracked frame starts; kBefore: it starts none.
   enum class Start : std::uint8_t { kBefore, kUnseen, kSeen, kInItsMiddle };
   /// Of position, rotation, relative error of the scale, of the angle of rotation, and of the
-  /// camera height, which is a constant factor of all scales.
-  using StateCovariance = Eigen::Matrix<double, 9, 9>;
+  /// camera height, which is a constant factor of all scales; and of the distance travelled.
+  using StateCovariance = Eigen::Matrix<double, 10, 10>;
   /// The map of the newest tracked frame. Its motion is counted from the reference frame: the map's
   /// first frame, or the first one seen.
   struct Map {
@@ -74,6 +74,7 @@ class MetricTrajectory {
   void rescaleYoungMap(const Eigen::Isometry3d& T_last_c, const Eigen::Isometry3d& T_ref_c,
                        const ScaleEstimate& scale);
   void integrate(const Eigen::Isometry3d& T_last_c, const ScaleEstimate& scale);
+  void setLast(const StateCovariance& covariance);
   void propagateMotion(const Eigen::Isometry3d& T_last_c, const ScaleEstimate& scale,
                        double scale_correlation);
   void setVariance(int state, double variance);

@@ -10,7 +10,6 @@
 namespace gsv {
 namespace {
 
-constexpr double kMaxSampleSpeed = 200;  ///< [m/s]
 constexpr double kZero = 0.02;           ///< [m/s] resolution of a sensor
 constexpr double kLastBeforeStop = 2;    ///< [m/s] speed of the last sample before a stop, at most
 constexpr double kTrackMemory = 120;     ///< [s]
@@ -50,6 +49,8 @@ constexpr double kRepeatedSpeedSigma = 0.03;
 /// [m] In a turn the camera and the point whose speed is measured have different paths.
 constexpr double kSpeedLever = 0.3;
 constexpr double kStampSigma = 0.2;  ///< [s] standard deviation of the stamps
+/// Mean age of a value that a sensor repeats, by the time over which it does.
+constexpr double kHeldShare = 0.5;
 
 /// [s] Difference of the stamps of speeds and images that is no delay of a sensor any more.
 constexpr double kOtherClock = 5;
@@ -58,18 +59,26 @@ constexpr int kMinSignedPieces = 5;
 constexpr double kMinAlongAxis = 0.5;  ///< of a camera that looks along or against the motion
 
 constexpr double kHeightSigmas = 3;                       ///< of a deviation that is named
-constexpr double kLeastHeight = 0.1, kLargestHeight = 4;  ///< [m] of a camera on a vehicle
+constexpr double kLeastHeight = 0.2, kLargestHeight = 4;  ///< [m] of a camera on a vehicle
 
 // Delay.
 constexpr double kMeanMemory = 5, kSumMemory = 60;  ///< [pieces]
 constexpr double kMinPieces = 8;
 constexpr double kMinDelay = 0.13;      ///< [s] that is named
 constexpr double kMinSignificance = 4;  ///< [standard deviations]
+constexpr double kMinExplained = 0.5;   ///< share of the squared deviations of the pieces
 
 }  // namespace
 
 void SpeedTrack::add(const SpeedSample& sample) {
-  if (!areFinite(sample.speed, sample.sigma) || std::abs(sample.speed) > kMaxSampleSpeed) return;
+  if (!areFinite(sample.speed, sample.sigma)) return;
+  if (std::abs(sample.speed) > kMaxVehicleSpeed) {
+    ++out_of_range_;
+    newest_out_of_range_ = sample.speed;
+    return;
+  }
+  out_of_range_ = 0;
+  newest_out_of_range_ = 0;
   if (!samples_.empty()) {
     const double dt = secondsBetween(newest_.stamp_ns, sample.stamp_ns);
     if (dt < -kMaxInterval) {
@@ -93,9 +102,11 @@ void SpeedTrack::add(const SpeedSample& sample) {
 
 bool SpeedTrack::isZero() const { return !empty() && std::abs(newest_.speed) < kZero; }
 
-/// From the newest sample: faster than any vehicle accelerates or brakes.
+/// From the newest sample: faster than any vehicle accelerates or brakes, also from a value that is
+/// older than the sample, unless that is left out.
 bool SpeedTrack::jumps(const SpeedSample& sample) const {
-  const double dt = secondsBetween(newest_.stamp_ns, sample.stamp_ns);
+  const double dt = secondsBetween(newest_.stamp_ns, sample.stamp_ns) +
+                    (jumped_ns_ ? 0 : std::min(run_s_, held_s_));
   return std::abs(sample.speed - newest_.speed) > kMinJump + kMaxAcceleration * dt;
 }
 
@@ -113,7 +124,9 @@ bool SpeedTrack::updateJump(const SpeedSample& sample) {
 void SpeedTrack::updateRuns(const SpeedSample& sample) {
   const double dt = secondsBetween(newest_.stamp_ns, sample.stamp_ns);
   const bool is_zero = std::abs(sample.speed) < kZero, was_zero = std::abs(newest_.speed) < kZero;
-  const bool repeats = sample.speed == newest_.speed && !is_zero;
+  const bool is_equal = sample.speed == newest_.speed, repeats = is_equal && !is_zero;
+  if (!is_equal && !was_zero) held_s_ = std::min(run_s_, kMinRepeatedTime);
+  run_s_ = is_equal ? run_s_ + dt : 0;
   repeated_ = repeats ? repeated_ + 1 : 0;
   repeated_s_ = repeats ? repeated_s_ + dt : 0;
   if (!is_zero) {
@@ -219,7 +232,7 @@ std::optional<PathSpeed::Piece> PathSpeed::measure(const CameraPath& path, doubl
       std::max(std::abs(speed_change), std::abs(speedAt(to) - speedAt(from)) * metres / units);
   const double sigma =
       std::hypot(distance_sigma, kSpeedLever * Eigen::AngleAxisd(motion.linear()).angle(),
-                 std::hypot(kStampSigma, delay_) * change) /
+                 std::hypot(kStampSigma, delay_, kHeldShare * speeds_.heldTime()) * change) /
       metres;
   piece.metres_per_unit = metres / units;
   piece.relative_sigma =
@@ -227,7 +240,7 @@ std::optional<PathSpeed::Piece> PathSpeed::measure(const CameraPath& path, doubl
   piece.log_ratio = std::log((metres + 0.01) / units);
   piece.relative_acceleration = speed_change / *distance;
   piece.along_axis = std::copysign(1, *distance) * motion.translation().normalized().z();
-  piece.error = scale > 0 ? piece.log_ratio - std::log(scale) : 0;
+  piece.error = scale > 0 ? std::log(std::max(metres, 1e-6) / units / scale) : 0;
   measured_ns_ = to->stamp_ns;
   return piece;
 }
@@ -235,6 +248,9 @@ std::optional<PathSpeed::Piece> PathSpeed::measure(const CameraPath& path, doubl
 void PathSpeed::add(const Piece& piece, bool accepted, const CameraPath& path) {
   rejected_ = accepted ? 0 : rejected_ + 1;
   rejected_error_ = piece.error;
+  const std::string mistake = accepted ? "" : unitMistake(std::exp(piece.error));
+  unit_mistakes_ = mistake.empty() ? 0 : mistake == unit_mistake_ ? unit_mistakes_ + 1 : 1;
+  unit_mistake_ = mistake;
   if (std::abs(piece.along_axis) > kMinAlongAxis) {
     ++signed_pieces_;
     sign_ += ((piece.along_axis > 0 ? 1 : -1) - sign_) / std::min(signed_pieces_, 20);
@@ -272,10 +288,30 @@ void PathSpeed::estimateDelay(const Piece& piece) {
   const double slope = products_ / acceleration_squares_;
   const double residual = std::max(0.0, ratio_squares_ - slope * products_) / pieces_;
   const double sigma = std::sqrt(residual / acceleration_squares_);
-  if (std::abs(slope) > std::max(kMinDelay, kMinSignificance * sigma)) delay_ = -slope;
+  // Most of the deviations must follow the acceleration: a unit that drifts while the vehicle
+  // starts is no delay.
+  if (slope * products_ < kMinExplained * ratio_squares_) return;
+  if (std::abs(slope) > std::max(kMinDelay + speeds_.heldTime(), kMinSignificance * sigma)) {
+    delay_ = -slope;
+  }
+}
+
+std::string PathSpeed::error() const {
+  if (speeds_.isOutOfRange()) {
+    return format("the speed is %.0f m/s, outside -%.0f to %.0f m/s: is its unit m/s?",
+                  speeds_.newestOutOfRange(), kMaxVehicleSpeed, kMaxVehicleSpeed);
+  }
+  if (unit_mistakes_ < kMinRejected) return "";
+  return format(
+      "the speed is %.3g times that of the odometry with the given camera height: it looks like %s",
+      std::exp(rejected_error_), unit_mistake_.c_str());
 }
 
 std::string PathSpeed::warning(std::int64_t stamp_ns) const {
+  if (speeds_.newestOutOfRange() != 0) {
+    return format("the speed %.0f m/s is outside -%.0f to %.0f m/s and not used",
+                  speeds_.newestOutOfRange(), kMaxVehicleSpeed, kMaxVehicleSpeed);
+  }
   if (speeds_.empty()) return "no speed has arrived yet";
   const double ahead = secondsBetween(stamp_ns, speeds_.newest().stamp_ns);
   if (std::abs(ahead) > kOtherClock) {
@@ -314,17 +350,39 @@ std::string PathSpeed::warning(std::int64_t stamp_ns) const {
   return "";
 }
 
+std::string heightError(double given, const ScaleEstimate& scale) {
+  const double learned = scale.camera_height;
+  if (learned == 0) return "";
+  if (given > 0) {
+    const std::string mistake = unitMistake(learned / given);
+    return mistake.empty() ? ""
+                           : format(
+                                 "the camera height is given as %.2f m, but by the speeds it is "
+                                 "%.2f m: their unit looks like %s",
+                                 given, learned, mistake.c_str());
+  }
+  const auto isUsual = [](double height) {
+    return height >= kLeastHeight && height <= kLargestHeight;
+  };
+  if (isUsual(learned)) return "";
+  std::string units;
+  for (const SpeedUnit& unit : kSpeedUnits) {
+    const double factor =
+        learned > kLargestHeight ? unit.metres_per_second : 1 / unit.metres_per_second;
+    if (!isUsual(learned * factor)) continue;
+    units += format("%s %s (%.2f m)", units.empty() ? "" : " or", unit.symbol, learned * factor);
+  }
+  return format("the camera height is %.2f m by the speeds, outside %.1f to %.0f m", learned,
+                kLeastHeight, kLargestHeight) +
+         (units.empty() ? ": check their unit"
+                        : (learned > kLargestHeight ? ": their unit looks like"
+                                                    : ": they look like m/s taken as") +
+                              units);
+}
+
 std::string heightWarning(double given, double given_sigma, const ScaleEstimate& scale) {
   const double sigma = std::max(given_sigma, scale.camera_height_sigma);
-  if (given == 0) {
-    const bool is_usual = scale.camera_height == 0 || (scale.camera_height > kLeastHeight &&
-                                                       scale.camera_height < kLargestHeight);
-    return is_usual ? ""
-                    : format(
-                          "the camera height is %.2f m by the speeds, which is unusual: "
-                          "check their unit",
-                          scale.camera_height);
-  }
+  if (given == 0) return "";
   if (std::abs(scale.camera_height - given) <= kHeightSigmas * sigma) return {};
   return format(
       "the camera height is given as %.2f +- %.2f m, but by the speeds it is %.2f +- %.2f m: "

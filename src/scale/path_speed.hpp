@@ -54,6 +54,14 @@ class SpeedTrack {
   bool agrees() const { return agrees_; }
   void setAgrees(bool agrees) { agrees_ = agrees; }
 
+  /// [s] Over which the sensor repeats a value, by the last run of equal ones that has ended, up to
+  /// kMinRepeatedTime: the speed may be that much older than its stamp.
+  double heldTime() const { return held_s_; }
+  /// The newest speeds are faster than any vehicle, and none before was one of a vehicle that
+  /// moves.
+  bool isOutOfRange() const { return out_of_range_ >= kMinOutOfRange && !has_moved_; }
+  double newestOutOfRange() const { return newest_out_of_range_; }  ///< [m/s]; 0: there is none
+
   bool empty() const { return samples_.empty(); }
   const SpeedSample& newest() const { return newest_; }   ///< also one that is left out
   bool jumped() const { return jumped_ns_.has_value(); }  ///< the newest one is left out
@@ -62,6 +70,7 @@ class SpeedTrack {
  private:
   static constexpr int kMinRepeated = 5;           ///< [samples]
   static constexpr double kMinRepeatedTime = 1.5;  ///< [s]
+  static constexpr int kMinOutOfRange = 3;         ///< [samples]
 
   bool jumps(const SpeedSample& sample) const;
   bool updateJump(const SpeedSample& sample);
@@ -74,6 +83,10 @@ class SpeedTrack {
   std::deque<SpeedSample> samples_;        ///< in order of the stamps
   int repeated_ = 0;                       ///< [samples] with the value of the newest one
   double repeated_s_ = 0;
+  double run_s_ = 0;      ///< [s] since the first of the newest samples with one value, also zero
+  double held_s_ = 0;     ///< heldTime()
+  int out_of_range_ = 0;  ///< consecutive samples
+  double newest_out_of_range_ = 0;
   bool has_moved_ = false;     ///< any sample was not zero
   bool zero_is_stop_ = false;  ///< the newest sample is zero, and the speed before was low
 };
@@ -114,6 +127,8 @@ class PathSpeed {
 
   /// The last piece was accepted, and is not far behind.
   bool isCurrent(const CameraPath& path, double scale) const;
+  /// Why the speeds cannot be used at all, one sentence that names their unit, or empty.
+  std::string error() const;
   /// What is wrong with the speeds, one sentence, or empty. stamp_ns: of the newest image.
   std::string warning(std::int64_t stamp_ns) const;
 
@@ -126,6 +141,8 @@ class PathSpeed {
   std::optional<double> accepted_length_;
   int rejected_ = 0;           ///< consecutive pieces
   double rejected_error_ = 0;  ///< of the newest one
+  std::string unit_mistake_;   ///< of the newest one: unitMistake()
+  int unit_mistakes_ = 0;      ///< consecutive pieces with the same
   double sign_ = 0;            ///< mean of the sign of along_axis
   int signed_pieces_ = 0;
   /// [s] by which the stamps of the speeds are later than the motion; 0: not noticeable.
@@ -136,9 +153,12 @@ class PathSpeed {
   double pieces_ = 0, ratio_squares_ = 0, acceleration_squares_ = 0, products_ = 0;
 };
 
+/// One sentence that names the unit of the speeds, if the height by them is that of no camera on a
+/// vehicle (given [m]: 0, not known) or deviates from the given one by the factor of a unit. Empty:
+/// neither.
+std::string heightError(double given, const ScaleEstimate& scale);
 /// One sentence with both heights if the one by the speeds deviates from the given one [m] by more
-/// than three standard deviations of either; or, if none was given (0), is not that of a vehicle.
-/// Empty: neither.
+/// than three standard deviations of either. Empty: none is given, or it does not.
 std::string heightWarning(double given, double given_sigma, const ScaleEstimate& scale);
 
 }  // namespace gsv

@@ -274,7 +274,7 @@ void ScaleRecovery::Impl::fillEstimate(ScaleEstimate* scale) const {
     scale->camera_height = filter.cameraHeight();
     scale->camera_height_sigma = filter.cameraHeightSigma();
   }
-  if (!filter.known()) {
+  if (!filter.known() || !heightError(options.camera_height, *scale).empty()) {
     scale->source = ScaleSource::kNone;
     return;
   }
@@ -290,6 +290,7 @@ ScaleRecovery::ScaleRecovery(const Options& options) : impl_(std::make_unique<Im
 ScaleRecovery::~ScaleRecovery() = default;
 
 void ScaleRecovery::addSpeed(const SpeedSample& speed) {
+  if (!impl_->options.use_speed) throw OptionError("a speed needs the option use_speed=true");
   impl_->path_speed.add(speed);
   if (impl_->options.record) impl_->smoother.addSpeed(speed);
 }
@@ -313,8 +314,14 @@ ScaleRecovery::Output ScaleRecovery::process(const VoFrame& frame, const cv::Mat
   Output output = impl_->process(frame, image, mask);
   const Options& options = impl_->options;
   if (options.use_speed) {
-    output.speed_warning = impl_->path_speed.warning(frame.stamp_ns);
-    if (output.speed_warning.empty()) {
+    output.speed_error = impl_->path_speed.error();
+    if (output.speed_error.empty()) {
+      output.speed_error = heightError(options.camera_height, output.scale);
+    }
+    if (output.speed_error.empty()) {
+      output.speed_warning = impl_->path_speed.warning(frame.stamp_ns);
+    }
+    if (output.speed_error.empty() && output.speed_warning.empty()) {
       output.speed_warning =
           heightWarning(options.camera_height, options.cameraHeightSigma(), output.scale);
     }

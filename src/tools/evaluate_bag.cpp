@@ -331,6 +331,8 @@ Restored restore(const Played& played, const Recorded& recorded, std::size_t fir
   if (is_camera) T_odom_start.linear() = gsv::bodyFromOptical();
   Eigen::Isometry3d T_b0_b = Eigen::Isometry3d::Identity();
   std::optional<Eigen::Isometry3d> T_b0_root;
+  double distance_sigma = 0;
+  Eigen::Vector3d last_position = Eigen::Vector3d::Zero();
   Restored restored;
   const std::size_t end = endOfEvaluation(played, first_odometry.child_frame_id, first);
   for (std::size_t i = first; i < end; ++i) {
@@ -351,6 +353,14 @@ Restored restore(const Played& played, const Recorded& recorded, std::size_t fir
       scale.pose.emplace();
       scale.pose->T_o_c = inCameraAxes(T_b0_b, is_camera);
       scale.pose->covariance = rotatedCovariance(R_o_odom, metric->second->pose.covariance);
+      // The message has none: an upper bound, as if the error of the scale were the same
+      // throughout.
+      const Eigen::Vector3d position = scale.pose->T_o_c.translation();
+      if (scale.scale.scale > 0) {
+        distance_sigma += (position - last_position).norm() * scale.scale.sigma / scale.scale.scale;
+      }
+      last_position = position;
+      scale.pose->distance_sigma = distance_sigma;
     }
     restored.record.append(vo, scale);
 
@@ -419,16 +429,15 @@ int main(int argc, char** argv) {
       ("out", gsv::requiredValue(&arguments.out, "DIR"),
        "gets the files of run_sequence: poses.txt, poses_unscaled.txt, trajectory_tum.txt, "
        "scale.csv, timing.csv, metrics.json, run.json, ground_truth.txt")  //
-      ("camera-height", gsv::requiredValue(&arguments.camera_height, "M"),
-       "[m] as it was given to the launch file")  //
+      ("camera-height",
+       gsv::po::value(&arguments.camera_height)->value_name("M")->notifier([](double height) {
+         gsv::requireInRange("--camera-height", height, gsv::kMinCameraHeight,
+                             gsv::kMaxCameraHeight);
+       }),
+       "[m] as it was given to the launch file; without: none, but a speed")  //
       ("image", gsv::topicValue(&arguments.image),
        "image topic of the played bag (default: image_rect, image_raw or image of "
        "/kitti/camera_gray_left)");
   return command_line.run(
-      argc, argv,
-      [&] {
-        gsv::requireInRange("--camera-height", arguments.camera_height, gsv::kMinCameraHeight,
-                            gsv::kMaxCameraHeight);
-      },
-      [&] { return evaluate(arguments); });
+      argc, argv, [] {}, [&] { return evaluate(arguments); });
 }

@@ -39,6 +39,11 @@ int writeImages(const Arguments& arguments) {
 int run(const Arguments& arguments) {
   cv::setNumThreads(1);
   gsv::GroundTruth truth;
+  std::vector<gsv::SpeedSample> speeds;
+  if (!arguments.speed_file.empty()) {
+    speeds = gsv::readSpeeds(arguments.speed_file, arguments.speed_unit,
+                             arguments.options.scale.camera_height > 0);
+  }
   const auto drive = gsv::openDrive(arguments.drive, &truth);
   const std::string name = gsv::resultName(arguments.drive.path);
   const auto folder = std::filesystem::path(arguments.out) / name;
@@ -47,10 +52,8 @@ int run(const Arguments& arguments) {
     throw gsv::OptionError("--out " + arguments.out +
                            " would write the results over the sequence and its poses.txt");
   }
-  std::vector<gsv::SpeedSample> speeds;
-  if (!arguments.speed_file.empty()) speeds = gsv::readSpeeds(arguments.speed_file);
-  gsv::DriveRun::Options options{
-      arguments.options, arguments.settings, speeds, arguments.smooth, {}};
+  gsv::DriveRun::Options options{arguments.options,      arguments.settings, speeds,
+                                 arguments.speed_offset, arguments.smooth,   {}};
   if (arguments.smooth) {
     const auto images = [&, pass = 0](const gsv::ImageVisitor& visit) mutable {
       const auto again = gsv::openDrive(arguments.drive);
@@ -97,8 +100,12 @@ int main(int argc, char** argv) {
       "trajectory_tum.txt, scale.csv, timing.csv, metrics.json, run.json, ground_truth.txt");
   command_line.options().add_options()  //
       ("speed", gsv::po::value(&arguments.speed_file)->value_name("FILE"),
-       "speeds of the vehicle: CSV with the columns stamp [s] and speed [m/s], optionally sigma, "
-       "or the folder oxts/ of a KITTI raw drive")  //
+       "speeds of the vehicle: CSV with the columns stamp and speed_mps, speed_kmh, speed_mph, "
+       "speed_knots or speed_mmps, optionally sigma, or the folder oxts/ of a KITTI raw drive")  //
+      ("speed-unit", gsv::po::value(&arguments.speed_unit)->value_name("UNIT"),
+       "of a column speed: mps, kmh, mph, knots or mmps (required without --camera-height)")  //
+      ("speed-offset", gsv::po::value(&arguments.speed_offset)->value_name("S"),
+       "added to the stamps of the speeds [s], when they are of another clock")  //
       ("refine-camera",
        "the default: estimates the lens while driving and undistorts the images by it; the result "
        "goes to camera.yaml. --set refine_camera=false: the calibration is exact")  //

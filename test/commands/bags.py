@@ -5,19 +5,22 @@ import cmath
 import io
 import math
 
+import numpy as np
 import PIL.Image
 import rosbag
 import rospy
-from geometry_msgs.msg import TransformStamped
+from geometry_msgs.msg import TransformStamped, TwistStamped
 from ground_scale_vo.msg import ScaleEstimate
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import CompressedImage, Image, NavSatFix
+from std_msgs.msg import Float32, Float64
 from tf2_msgs.msg import TFMessage
 
 IMAGE = "/kitti/camera_gray_left/image_rect"
 RAW_IMAGE = "/kitti/camera_gray_left/image_raw"
 INFO = "/kitti/camera_gray_left/camera_info"
 COMPRESSED = "/camera/image_raw/compressed"
+SPEED = "/kitti/oxts/gps/vel"
 
 
 def _set_pose(position, rotation, frame, distance_m, yaw):
@@ -120,6 +123,31 @@ def split(source, folder):
             if stamp < middle or topic != INFO:
                 (first if stamp < middle else second).write(names.get(topic, topic.lstrip("/")), message, stamp)
     return halves
+
+
+def speed_of(kind, factor):
+    """A message with the speed [m/s] times the factor."""
+    def make(stamp, speed):
+        if kind in (Float32, Float64):
+            return kind(factor * speed)
+        message = kind()
+        message.header.stamp = stamp
+        twist = message.twist if kind is TwistStamped else message.twist.twist
+        twist.linear.x = factor * speed
+        return message
+    return make
+
+
+def add_speed(source, file, message=speed_of(TwistStamped, 1)):
+    """The bag with the speed of its ground truth."""
+    copy(source, file, lambda *written: written)
+    with rosbag.Bag(str(file), "a") as played:
+        truth = [message.transforms[0] for _, message, _ in played.read_messages(["/tf"])]
+        positions = [[getattr(transform.transform.translation, axis) for axis in "xyz"] for transform in truth]
+        stamps = [transform.header.stamp for transform in truth]
+        velocities = np.gradient(positions, [stamp.to_sec() for stamp in stamps], axis=0)
+        for stamp, speed in zip(stamps, np.linalg.norm(velocities, axis=1)):
+            played.write(SPEED, message(stamp, speed), stamp)
 
 
 def add_fixes(bag_file, poses):

@@ -9,8 +9,9 @@ import subprocess
 
 import bags
 import pytest
-from conftest import (SCRIPTS, TIMEOUT_S, assert_played, on_full_disk, on_terminal, pid_of, run,
+from conftest import (CAMERA_HEIGHT, SCRIPTS, TIMEOUT_S, assert_played, on_full_disk, on_terminal, pid_of, run,
                       wait_until, write_camera)
+from std_msgs.msg import Float64
 
 DEMO = SCRIPTS / "demo"
 
@@ -61,6 +62,15 @@ def test_camera_file_instead_of_camera_info(bag, short, tmp_path):
     played, camera = tmp_path / "short.bag", write_camera(tmp_path / "camera.yaml", short)
     bags.copy(bag, played, lambda topic, message: None if topic == bags.INFO else (topic, message))
     assert_played(run(DEMO, "--out", tmp_path, "--bag", played, "--camera", camera).stdout, tmp_path / "short")
+
+
+def test_speed_instead_of_a_height(bag, tmp_path):
+    played = tmp_path / "short.bag"
+    bags.add_speed(bag, played, bags.speed_of(Float64, 3.6))
+    done = run(DEMO, "--out", tmp_path, "--bag", played, "--speed", bags.SPEED, "--speed-unit", "kmh")
+    assert_played(done.stdout, tmp_path / "short")
+    metrics = json.loads((tmp_path / "short/metrics.json").read_text())
+    assert abs(metrics["rle_percent"]) < 2 and abs(metrics["learned_camera_height_m"] - CAMERA_HEIGHT) < 0.1
 
 
 def test_missing_tf(bag, tmp_path):

@@ -13,12 +13,14 @@ import numpy as np
 import pytest
 import rosbag
 import rospy
-from bags import IMAGE, INFO
+from bags import IMAGE, INFO, SPEED, speed_of
 from conftest import (CAMERA_HEIGHT, FRAMES, ROOT, TIMEOUT_S, camera_matrix, images_of, roslaunch, run, tool, wait_until,
                       write_camera)
-from geometry_msgs.msg import TwistStamped
+from geometry_msgs.msg import TwistStamped, TwistWithCovarianceStamped
 from ground_scale_vo.msg import ScaleEstimate
+from nav_msgs.msg import Odometry
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, RegionOfInterest
+from std_msgs.msg import Float32, Float64
 
 
 class Case(NamedTuple):
@@ -440,22 +442,36 @@ def test_bag_launch_waits_for_both_nodelets(bag, tmp_path):
         wait_until(lambda: f"Playback finished: {FRAMES} of {FRAMES} frames" in log.read_text(), while_runs=process)
 
 
-def add_speed(source, file):
-    """The bag with the speed of its ground truth."""
-    bags.copy(source, file, lambda *written: written)
-    with rosbag.Bag(str(file), "a") as played:
-        truth = [message.transforms[0] for _, message, _ in played.read_messages(["/tf"])]
-        positions = [[getattr(transform.transform.translation, axis) for axis in "xyz"] for transform in truth]
-        stamps = [transform.header.stamp for transform in truth]
-        velocities = np.gradient(positions, [stamp.to_sec() for stamp in stamps], axis=0)
-        for stamp, speed in zip(stamps, np.linalg.norm(velocities, axis=1)):
-            twist = TwistStamped(header=truth[0].header)
-            twist.header.stamp, twist.twist.linear.x = stamp, speed
-            played.write("/kitti/oxts/gps/vel", twist, stamp)
+@pytest.mark.parametrize("message, topic, unit, refusal", [
+    (speed_of(TwistStamped, 1), SPEED, "", None),
+    (speed_of(Odometry, 1), SPEED.lstrip("/"), "", None),
+    (speed_of(TwistWithCovarianceStamped, 3.6), SPEED, "kmh", None),
+    (speed_of(Float64, 3.6), SPEED, "kmh", None),
+    (speed_of(Float32, 1), SPEED, "mps", None),
+    (speed_of(Float32, 1), SPEED, "", "std_msgs/Float32, whose unit is not known"),
+    (speed_of(TwistStamped, 1), "/wheels", "", f"topics with( a)? speed are .*{SPEED}"),
+    (speed_of(TwistStamped, 3.6), SPEED, "", "outside 0.2 to 4 m: their unit looks like km/h"),
+    (speed_of(TwistStamped, 1000), SPEED, "", "m/s, .*mm/s|outside -200 to 200 m/s"),
+])
+def test_every_door_uses_the_same_speeds(gsv_command, bag, evaluated, tmp_path, message, topic, unit, refusal):
+    """Without a camera height."""
+    played = tmp_path / "drive.bag"
+    bags.add_speed(bag, played, message)
+    options = ("--speed", topic, *(("--speed-unit", unit) if unit else ()))
+    status, output, messages = gsv_command("run", played, "--rectified", *options, "--out", tmp_path / "run")
+    results = {"run": (status, output + messages, length_in(tmp_path / "run")),
+               "nodelets": through_launch(played, (f"speed:={topic}", f"speed_unit:={unit}"), tmp_path)}
+    for door, (status, text, length_m) in results.items():
+        if refusal:
+            assert status == 1 and re.search(refusal, text), (door, text)
+        else:
+            assert status == 0, (door, text)
+            assert length_m == pytest.approx(length_in(evaluated.parent), rel=0.01), door
+            assert length_m == pytest.approx(results["run"][2], rel=0.003), door
 
 
 @pytest.mark.parametrize("make, argument, published, source", [
-    (add_speed, 'name="speed" value="/kitti/oxts/gps/vel"', "camera_gray_left", ScaleEstimate.SOURCE_BOTH),
+    (bags.add_speed, 'name="speed" value="/kitti/oxts/gps/vel"', "camera_gray_left", ScaleEstimate.SOURCE_BOTH),
     (bags.raw_drive, 'name="base_frame" value="imu_link"', "imu_link", ScaleEstimate.SOURCE_ROAD)])
 def test_kitti_launch_gives_every_frame_one_parent(bag, tmp_path, make, argument, published, source):
     """Poses of the camera or of a base on /tf of the bag are the ground truth, which is published beside the

@@ -2,21 +2,29 @@
 
 import csv
 import json
+import re
 
 import numpy as np
 import pytest
-from conftest import CAMERA_HEIGHT, assert_refused, poses_of, run, tool
+from conftest import CAMERA_HEIGHT, assert_refused, poses_of, rendered, run, tool
+
+
+def speeds_of(folder):
+    """Stamps [s] and speeds [m/s] of the ground truth."""
+    stamps, positions = np.loadtxt(folder / "times.txt"), poses_of(folder / "poses.txt")[:, :3, 3]
+    path = np.append(0, np.cumsum(np.linalg.norm(np.diff(positions, axis=0), axis=1)))
+    return stamps, np.gradient(path, stamps)
+
+
+def write(file, stamps, values, column="speed_mps"):
+    file.write_text(f"stamp,{column}\n" + "".join(f"{stamp:.9f},{value:.4f}\n" for stamp, value in zip(stamps, values)))
+    return file
 
 
 @pytest.fixture(scope="module")
 def speeds(short, tmp_path_factory):
     """A CSV with the speeds of the ground truth."""
-    stamps, positions = np.loadtxt(short / "times.txt"), poses_of(short / "poses.txt")[:, :3, 3]
-    path = np.append(0, np.cumsum(np.linalg.norm(np.diff(positions, axis=0), axis=1)))
-    file = tmp_path_factory.mktemp("speed") / "speed.csv"
-    rows = zip(stamps, np.gradient(path, stamps))
-    file.write_text("stamp,speed\n" + "".join(f"{stamp:.9f},{speed:.4f}\n" for stamp, speed in rows))
-    return file
+    return write(tmp_path_factory.mktemp("speed") / "speed.csv", *speeds_of(short))
 
 
 def test_height_is_learned_through_all_doors(gsv, venv, short, speeds, tmp_path):
@@ -32,7 +40,7 @@ def test_height_is_learned_through_all_doors(gsv, venv, short, speeds, tmp_path)
     with open(speeds, newline="") as stream:
         rows = list(csv.DictReader(stream))
     for (image, stamp), row in zip(drive, rows):
-        odometry.add_speed(round(1e9 * float(row["stamp"])), float(row["speed"]))
+        odometry.add_speed(round(1e9 * float(row["stamp"])), float(row["speed_mps"]))
         result = odometry.process(image, stamp)
     np.testing.assert_allclose(odometry.poses()[:, :3], expected, atol=1e-6)
     assert (result.source, result.speed_warning) == ("both", "")
@@ -46,12 +54,14 @@ def test_height_is_learned_through_all_doors(gsv, venv, short, speeds, tmp_path)
 
 @pytest.mark.parametrize("status, text, content", [
     (2, "--camera-height is missing", None),
-    (1, "line 1: a heading with the columns stamp and speed is expected", "time,speed\n0,1\n"),
-    (1, "line 3: has 1 columns instead of 2", "stamp,speed\n0,1\n1\n"),
-    (1, "line 2: 'fast' is not a finite number", "stamp,speed\n0,fast\n"),
-    (1, "line 3: the stamp is not later", "stamp,speed\n1,1\n1,2\n"),
-    (1, "line 2: the stamp is not one in seconds", "stamp,speed\n1317013370123456789,1\n"),
-    (1, "has no speed", "stamp,speed\n"),
+    (1, "line 1: a heading with the columns stamp and speed_mps, speed_kmh", "time,speed\n0,1\n"),
+    (1, "line 1: the unit of the column speed is not known", "stamp,speed\n0,1\n"),
+    (1, "line 3: has 1 columns instead of 2", "stamp,speed_mps\n0,1\n1\n"),
+    (1, "line 2: 'fast' is not a finite number", "stamp,speed_kmh\n0,fast\n"),
+    (1, "line 3: the stamp is not later", "stamp,speed_mps\n1,1\n1,2\n"),
+    (1, "line 2: the stamp is not one in seconds, milliseconds", "stamp,speed_mps\n1e20,1\n2e20,1\n"),
+    (1, "has no speed", "stamp,speed_mps\n"),
+    (1, "the speeds reach 8000 m/s", "stamp,speed_mps\n0,8000\n1,8000\n"),
 ])
 def test_refused_speeds(short, tmp_path, status, text, content):
     file = tmp_path / "speed.csv"
@@ -61,11 +71,106 @@ def test_refused_speeds(short, tmp_path, status, text, content):
     assert_refused(status, text, tool("run_sequence"), short, "--out", tmp_path / "out", *words)
 
 
-def test_stamps_of_another_clock_are_named(short, tmp_path):
-    file = tmp_path / "speed.csv"
-    file.write_text("stamp,speed\n1000,8\n1001,8\n")
-    done = run(tool("run_sequence"), short, "--camera-height", CAMERA_HEIGHT, "--speed", file, "--out", tmp_path)
-    assert "no speed is used: the images are from 0.0" in done.stderr
+LENGTH = r"length ([\d.]+) m, standard deviation ([\d.]+) m"
+
+
+def length_and_sigma(text):
+    return tuple(map(float, re.search(LENGTH, text).groups()))
+
+
+@pytest.fixture(scope="module")
+def both(low, tmp_path_factory):
+    """both(file, *options): status and text of run_sequence and `run` with these speeds, and the true length."""
+    out = tmp_path_factory.mktemp("out")
+
+    def call(gsv_command, file, *options):
+        words = (low, "--speed", file, *options, "--out", out)
+        done = run(tool("run_sequence"), *words, check=False)
+        status, output, messages = gsv_command("run", *words)
+        assert status == done.returncode
+        return [(done.returncode, done.stdout + done.stderr), (status, output + messages)]
+    return call
+
+
+UNITS = {"mps": 1, "kmh": 3.6, "mph": 1 / 0.44704, "knots": 3600 / 1852, "mmps": 1000}
+CLOCK = 1317013370.0  # [s]
+
+
+@pytest.mark.parametrize("unit", UNITS)
+def test_units_give_the_same_metres(gsv_command, both, low, tmp_path, unit):
+    stamps, values = speeds_of(low)
+    truth = np.trapz(values, stamps)
+    for column, options in ((f"speed_{unit}", ()), ("speed", ("--speed-unit", unit))):
+        file = write(tmp_path / "speed.csv", 1e3 * stamps, UNITS[unit] * values, column)  # stamps in milliseconds
+        for status, text in both(gsv_command, file, *options):
+            assert status == 0, text
+            length, sigma = length_and_sigma(text)
+            assert abs(length - truth) < max(3 * sigma, 0.003 * truth), text
+            assert sigma < 0.02 * truth
+
+
+@pytest.mark.parametrize("factor, options, refusal", [
+    (3.6, ("--camera-height", 0.6), "looks like km/h taken as m/s"),
+    (1 / 0.44704, ("--camera-height", 0.6), "looks like mph taken as m/s"),
+    (3600 / 1852, ("--camera-height", 0.6), "looks like knots taken as m/s"),
+    (1 / 3.6, ("--camera-height", 0.6), "looks like m/s taken as km/h"),
+    (1000, ("--camera-height", 0.6), "the speeds reach .* is their unit mm/s"),
+    (3.6 * 3.6, ("--speed-unit", "mps"), "outside 0.2 to 4 m: their unit looks like km/h"),
+    (3.6, (), "the unit of the column speed is not known"),
+    (3.6, ("--speed-unit", "furlongs"), "furlongs"),
+])
+def test_speeds_in_another_unit_are_a_failure(low, tmp_path, factor, options, refusal):
+    stamps, values = speeds_of(low)
+    file = write(tmp_path / "speed.csv", stamps, factor * values, "speed")
+    done = run(tool("run_sequence"), low, "--speed", file, *options, "--out", tmp_path, check=False)
+    assert done.returncode == (2 if "furlongs" in options else 1) and re.search(refusal, done.stderr), done.stderr
+
+
+@pytest.fixture(scope="module")
+def stopping(data):
+    """A KITTI folder of 24 s with a stop."""
+    return rendered(data / "stopping", "--frames", 144, "--rate", 6, "--size", "400x124")
+
+
+@pytest.mark.parametrize("shift, overlaps", [(CLOCK, False), (1.0, True)])
+def test_another_clock_is_refused_with_the_offset(stopping, tmp_path, shift, overlaps):
+    stamps, values = speeds_of(stopping)
+    file = write(tmp_path / "speed.csv", stamps + shift, values)
+    words = (tool("run_sequence"), stopping, "--camera-height", CAMERA_HEIGHT, "--speed", file, "--out", tmp_path)
+    done = run(*words, check=False)
+    assert done.returncode == 1 and ("no speed is used" not in done.stderr) == overlaps, done.stderr
+    offset = float(re.search(r"--speed-offset (-?[\d.]+)", done.stderr)[1])
+    assert offset == pytest.approx(-shift, abs=0.1)
+    done = run(*words, "--speed-offset", offset)
+    assert length_and_sigma(done.stdout)[0] == pytest.approx(np.trapz(values, stamps), rel=0.01)
+
+
+def held(stamps, values, period, phase):
+    return np.interp(np.floor((stamps - phase) / period) * period + phase, stamps, values)
+
+
+@pytest.mark.parametrize("sensor", ["exact", "1 Hz", "1 Hz in km/h", "1 Hz, repeated"])
+@pytest.mark.parametrize("phase", [0.0, 0.4])
+def test_slow_sensors_are_no_fault_and_their_error_is_covered(stopping, tmp_path, sensor, phase):
+    stamps, values = speeds_of(stopping)
+    truth = np.trapz(values, stamps)
+    if "repeated" in sensor:
+        values = held(stamps, values, 1, phase)  # at the rate of the images
+    elif "1 Hz" in sensor:
+        seconds = np.arange(phase, stamps[-1], 1)
+        stamps, values = seconds, np.interp(seconds, stamps, values)
+    if "km/h" in sensor:
+        values = np.round(3.6 * values) / 3.6
+    done = run(tool("run_sequence"), stopping, "--speed", write(tmp_path / "speed.csv", stamps, values), "--out", tmp_path)
+    assert not re.search("later|earlier|jumps|repeats", done.stderr), done.stderr
+    length, sigma = length_and_sigma(done.stdout)
+    assert abs(length - truth) < 2 * sigma < 0.1 * truth, done.stdout
+
+
+def test_add_speed_needs_use_speed(gsv, short):
+    odometry = gsv.MetricOdometry(gsv.open_drive(short).camera, CAMERA_HEIGHT)
+    with pytest.raises(ValueError, match="use_speed"):
+        odometry.add_speed(0, 5.0)
 
 
 def test_oxts_of_a_raw_drive(short, speeds, tmp_path):

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cmath>
 #include <cstdint>
 #include <optional>
 #include <utility>
@@ -32,6 +33,7 @@ inline void appendFrame(RunRecord* record, const Eigen::Isometry3d& T_w_c,
     scale.pose.emplace();
     scale.pose->T_o_c = *T_o_c;
     scale.pose->covariance = covariance;
+    scale.pose->distance_sigma = std::sqrt(covariance(2, 2));
   }
   record->append(vo, scale);
 }

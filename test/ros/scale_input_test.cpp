@@ -6,7 +6,9 @@
 #include <geometry_msgs/TwistWithCovarianceStamped.h>
 #include <gtest/gtest.h>
 #include <nav_msgs/Odometry.h>
+#include <std_msgs/Float32.h>
 #include <std_msgs/Float64.h>
+#include <std_msgs/String.h>
 
 #include <chrono>
 #include <cmath>
@@ -202,9 +204,9 @@ geometry_msgs::TwistStamped twistStamped(double x, double y = 0, double z = 0) {
 }
 /// Of a vehicle whose velocity is along x so far.
 template <typename Message>
-SpeedSample read(const Message& message, const std::string& md5 = {}) {
-  bool has_vehicle_axes = true;
-  return readSpeed(received(message, md5), &has_vehicle_axes);
+SpeedSample read(const Message& message, const std::string& md5 = {},
+                 const std::string& unit = {}) {
+  return SpeedReader(unit).read(received(message, md5), ros::Time(7, 8));
 }
 double speedOf(double x, double y, double z = 0) { return read(twistStamped(x, y, z)).speed; }
 
@@ -228,6 +230,23 @@ TEST(Speeds, ReadsEveryType) {
   }
 }
 
+TEST(Speeds, HaveTheUnitThatIsStatedAndTheTimeOfArrivalWithoutAStamp) {
+  std_msgs::Float64 number;
+  number.data = -36;
+  std_msgs::Float32 small;
+  small.data = -36;
+  for (const SpeedSample& sample : {read(number, {}, "kmh"), read(small, {}, "kmh")}) {
+    EXPECT_EQ(sample.stamp_ns, 7000000008);
+    EXPECT_DOUBLE_EQ(sample.speed, -10);
+  }
+  EXPECT_DOUBLE_EQ(read(number, {}, "mps").speed, -36);
+  EXPECT_DOUBLE_EQ(read(twistStamped(2000), {}, "mmps").speed, 2);
+  nav_msgs::Odometry odometry;
+  odometry.header.stamp = ros::Time(1, 0);
+  odometry.twist.covariance[0] = 3.6 * 3.6;
+  EXPECT_DOUBLE_EQ(read(odometry, {}, "kmh").sigma, 1);
+}
+
 TEST(Speeds, IgnoresAnUnknownCovariance) {
   nav_msgs::Odometry odometry;
   odometry.header.stamp = ros::Time(1, 0);
@@ -246,23 +265,25 @@ TEST(Speeds, TheAxesOfTheVelocityDoNotMatter) {
 }
 
 TEST(Speeds, AVelocityThatIsNotAlongXHasNoSign) {
-  bool has_vehicle_axes = true;
+  SpeedReader reader("");
   const auto next = [&](double x, double y) {
-    return readSpeed(received(twistStamped(x, y)), &has_vehicle_axes).speed;
+    return reader.read(received(twistStamped(x, y)), ros::Time()).speed;
   };
   EXPECT_EQ(next(-5, 0), -5);
   EXPECT_NEAR(next(-0.1, 1), -1, 0.01) << "too slow for a direction";
-  EXPECT_TRUE(has_vehicle_axes);
+  EXPECT_TRUE(reader.hasVehicleAxes());
   EXPECT_EQ(next(-3, 4), 5);
-  EXPECT_FALSE(has_vehicle_axes);
+  EXPECT_FALSE(reader.hasVehicleAxes());
   EXPECT_EQ(next(-5, 0), 5);
 }
 
 TEST(Speeds, RefusesWhatIsNoSpeedWithTheReason) {
   expectThrows<DataError>(
-      [] { read(std_msgs::Float64()); },
-      "has the type std_msgs/Float64, accepted are nav_msgs/Odometry, geometry_msgs/TwistStamped "
-      "and geometry_msgs/TwistWithCovarianceStamped");
+      [] { read(std_msgs::String()); },
+      "has the type std_msgs/String, accepted are nav_msgs/Odometry, geometry_msgs/TwistStamped, "
+      "geometry_msgs/TwistWithCovarianceStamped, std_msgs/Float32 and std_msgs/Float64");
+  expectThrows<DataError>([] { read(std_msgs::Float64()); }, "whose unit is not known");
+  expectThrows<OptionError>([] { SpeedReader("km/h"); }, "'km/h' is no unit of a speed");
   geometry_msgs::TwistStamped without_stamp = twistStamped(1);
   without_stamp.header.stamp = ros::Time();
   expectThrows<DataError>([&] { read(without_stamp); }, "stamp of zero");

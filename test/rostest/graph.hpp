@@ -233,9 +233,14 @@ class ManagerClient {
     // ros::service::waitForService() never ends under use_sim_time without a clock.
     return waitUntil([this] { return ros::service::exists(name_ + "/load_nodelet", false); });
   }
-  /// type: without the package.
-  bool load(const std::string& type, const std::string& nodelet) const {
+  /// type: without the package. remapped: {from, to}, absolute names.
+  bool load(const std::string& type, const std::string& nodelet,
+            const std::vector<std::pair<std::string, std::string>>& remapped = {}) const {
     nodelet::NodeletLoad service;
+    for (const auto& [from, to] : remapped) {
+      service.request.remap_source_args.push_back(from);
+      service.request.remap_target_args.push_back(to);
+    }
     service.request.name = nodelet;
     service.request.type = "ground_scale_vo/" + type;
     return callService(name_ + "/load_nodelet", service) && service.response.success;

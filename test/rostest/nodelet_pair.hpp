@@ -242,11 +242,12 @@ class NodeletPair : public NodeletTopics {
            true_distance;
   }
 
-  double start_s = 1000;  ///< stamp of the first image [s]
+  double start_s = 1000;                                      ///< stamp of the first image [s]
+  std::vector<std::pair<std::string, std::string>> remapped;  ///< topics {from, to}
 
  private:
   bool load(const std::string& type, const std::string& name) {
-    if (!manager_.load(type, ns_ + name)) return false;
+    if (!manager_.load(type, ns_ + name, remapped)) return false;
     loaded_.push_back(ns_ + name);
     return true;
   }

@@ -30,21 +30,21 @@ class Speed : public DriveTest<80> {
            secondsBetween(drive_->frame(a).stamp_ns, drive_->frame(b).stamp_ns);
   }
 
-  /// Plays the drive with a speed before each image. The speed at an image is that between its
-  /// neighbours.
-  void play(NodeletPair& pair, const std::string& ns) {
+  /// Plays the drive with a speed, times the factor, before each image. The speed at an image is
+  /// that between its neighbours.
+  void play(NodeletPair& pair, const std::string& ns, double factor = 1) {
     using Message = geometry_msgs::TwistWithCovarianceStamped;
     const ros::Publisher speeds = handle_.advertise<Message>(ns + "/speed", 100);
     ASSERT_TRUE(waitUntil([&] { return speeds.getNumSubscribers() > 0; }));
     for (std::size_t i = 0; i < kFrames; ++i) {
       Message message;
       message.header.stamp = pair.stamp(i);
-      message.twist.twist.linear.x = 0.5 * (speed(i) + speed(std::min(i + 1, kFrames - 1)));
-      message.twist.covariance[0] = 0.02 * 0.02;
+      message.twist.twist.linear.x =
+          factor * 0.5 * (speed(i) + speed(std::min(i + 1, kFrames - 1)));
+      message.twist.covariance[0] = std::pow(factor * 0.02, 2);
       speeds.publish(message);
       ASSERT_TRUE(pair.publishAndWait(i)) << i;
     }
-    ASSERT_TRUE(pair.odometry.waitForStamp(pair.lastStamp()));
   }
 };
 
@@ -60,6 +60,7 @@ TEST_F(Speed, OfATwistWithCovarianceTeachesTheHeightWhichIsSaved) {
   EXPECT_FALSE(callTrigger("/saved/scale_recovery/save_height"));
   EXPECT_FALSE(std::filesystem::exists(file));
   play(pair, "/saved");
+  ASSERT_TRUE(pair.odometry.waitForStamp(pair.lastStamp()));
   EXPECT_NEAR(pair.displacementRatio(), 1, 0.01);
   EXPECT_NEAR(pair.scales.last()->camera_height, height(), kHeightTolerance * height());
   EXPECT_TRUE(diagnostics_.waitForStatus("saved/scale_recovery", [&](const Status& status) {
@@ -89,11 +90,43 @@ TEST_F(Speed, ThatIsMissingOrOfAnotherTypeIsReportedAndTheRoadIsMeasured) {
   const ros::Publisher numbers = handle_.advertise<std_msgs::Float64>("/mute/speed", 10);
   ASSERT_TRUE(waitUntil([&] { return numbers.getNumSubscribers() > 0; }));
   numbers.publish(std_msgs::Float64());
-  const std::string error = "speed on /mute/speed has the type std_msgs/Float64, accepted are";
+  const std::string error = "speed on /mute/speed has the type std_msgs/Float64, whose unit is not";
   EXPECT_TRUE(diagnostics_.waitForSummary("mute/scale_recovery", Status::ERROR, error));
   EXPECT_TRUE(waitForLine(error));
   ASSERT_TRUE(pair.play(kFrames / 2 + 1, kFrames - 1));
   EXPECT_NEAR(pair.displacementRatio(), 1, kTolerance);
+}
+
+// The metres are those of the height; without one there are none.
+TEST_F(Speed, InAnotherUnitIsAnErrorThatNamesIt) {
+  NodeletPair given(manager_, *drive_, "/given");
+  given.setParam("scale_recovery", "use_speed", true);
+  ASSERT_TRUE(given.load());
+  play(given, "/given", 3.6);
+  ASSERT_TRUE(given.odometry.waitForStamp(given.lastStamp()));
+  EXPECT_NEAR(given.displacementRatio(), 1, kTolerance);
+  EXPECT_TRUE(diagnostics_.waitForSummary("given/scale_recovery", Status::ERROR,
+                                          "it looks like km/h taken as m/s"));
+
+  NodeletPair unknown(manager_, *drive_, "/unknown");
+  ros::param::del("/unknown/scale_recovery/camera_height");
+  unknown.setParam("scale_recovery", "use_speed", true);
+  ASSERT_TRUE(unknown.load());
+  play(unknown, "/unknown", 3.6);
+  EXPECT_TRUE(diagnostics_.waitForSummary("unknown/scale_recovery", Status::ERROR,
+                                          "by the speeds, outside 0.2 to 4 m"));
+  EXPECT_EQ(unknown.scales.last()->status, ScaleEstimateMsg::UNKNOWN);
+}
+
+TEST_F(Speed, OfTheNodeletsOwnOdometryIsRefused) {
+  NodeletPair pair(manager_, *drive_, "/own");
+  pair.remapped = {{"/own/speed", "/own/odometry"}};
+  pair.setParam("scale_recovery", "use_speed", true);
+  ASSERT_TRUE(pair.load());
+  ASSERT_TRUE(pair.play(0, kFrames / 2));
+  EXPECT_TRUE(diagnostics_.waitForSummary("own/scale_recovery", Status::ERROR,
+                                          "speed is the nodelets' own output /own/odometry"));
+  EXPECT_EQ(pair.scales.last()->source, ScaleEstimateMsg::SOURCE_ROAD);
 }
 
 }  // namespace

@@ -184,6 +184,25 @@ VoFrame withCovariance(VoFrame frame) {
 }
 
 // A rotation and a translation between the map's first frame and its first metric one.
+// Errors of the length do not cancel on a loop, as those of the position do: the camera height's is
+// the same factor of every metre, the filter's is independent after scale_correlation_m.
+TEST(MetricTrajectory, TheErrorOfTheDistanceIsSummedAlongALoop) {
+  MetricTrajectory::Options options;
+  options.scale_correlation_m = 10;
+  ScaleEstimate by_height = scaleOf(2, 0.01);
+  by_height.camera_height = 1.5;
+  by_height.camera_height_sigma = 0.015;
+  for (const ScaleEstimate& scale : {by_height, scaleOf(2, 0.01)}) {
+    Trajectory trajectory(options);
+    std::optional<MetricPose> pose;
+    for (int i = 0; i <= 314; ++i) pose = trajectory.append(frameAt(i, onCircle(i)), scale);
+    EXPECT_NEAR(pose->T_o_c.translation().norm(), 0, 1);
+    EXPECT_NEAR(pose->distance, 314, 0.1);
+    const double sigma = scale.camera_height > 0 ? 0.01 * 314 : 0.01 * std::sqrt(2 * 314 * 10);
+    EXPECT_NEAR(pose->distance_sigma, sigma, 0.05 * sigma);
+  }
+}
+
 // A constant factor: it grows with the distance from the start, also over a gap between two maps,
 // and comes back with the vehicle.
 TEST(MetricTrajectory, TheErrorOfTheCameraHeightIsAFactorOfTheWholeDrive) {

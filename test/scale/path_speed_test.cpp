@@ -86,8 +86,8 @@ TEST(SpeedTrack, AStopIsOneThatTheVehicleBrakesTo) {
 
 double speed(double t) { return 8 + 2 * std::sin(0.8 * t); }
 
-/// The warning after a drive of 20 s at speed(), with a pose every 0.5 s in metres. sign: of the
-/// motion along the optical axis.
+/// The error or warning after a drive of 20 s at speed(), with a pose every 0.5 s in metres. sign:
+/// of the motion along the optical axis.
 std::string warningOf(const std::function<double(double)>& sensor, double sign = 1) {
   PathSpeed path_speed(0.05);
   CameraPath path;
@@ -96,22 +96,37 @@ std::string warningOf(const std::function<double(double)>& sensor, double sign =
       path_speed.add({ns(s), sensor(s), 0});
     const double z = 8 * t + 2.5 * (1 - std::cos(0.8 * t));
     path.add({ns(t), Eigen::Isometry3d(Eigen::Translation3d(0, 0, sign * z))});
+    if (path_speed.speeds().empty()) continue;
     if (const auto piece = path_speed.measure(path, 1)) {
       path_speed.add(*piece, std::abs(piece->error) < 0.15, path);
     }
   }
-  return path_speed.warning(ns(19.5));
+  const std::string error = path_speed.error();
+  return error.empty() ? path_speed.warning(ns(19.5)) : error;
 }
+
+/// Of a sensor whose value is repeated for a time [s].
+double held(double t, double time) { return speed(time * std::floor(t / time + 1e-9)); }
 
 TEST(PathSpeed, NamesWhatIsWrong) {
   const auto contains = [](const std::string& text, const char* part) {
     return text.find(part) != std::string::npos;
   };
   EXPECT_EQ(warningOf(speed), "");
+  EXPECT_EQ(warningOf([](double t) { return held(t, 1); }), "") << "a value at 1 Hz";
+  EXPECT_EQ(warningOf([](double t) { return std::round(3.6 * held(t, 1)) / 3.6; }), "");
   EXPECT_EQ(warningOf([&](double t) { return 1.03 * speed(t); }), "");
   const std::string late = warningOf([&](double t) { return speed(t - 0.2); });
   EXPECT_TRUE(contains(late, "0.2") && contains(late, "s later than the motion")) << late;
-  EXPECT_TRUE(contains(warningOf([&](double t) { return 3.6 * speed(t); }), "another unit"));
+  EXPECT_TRUE(contains(warningOf([&](double t) { return 1.3 * speed(t); }), "another unit"));
+  for (const SpeedUnit& unit : kSpeedUnits) {
+    const double factor = 1 / unit.metres_per_second;
+    const std::string text = warningOf([&](double t) { return factor * speed(t); });
+    const std::string inverse = warningOf([&](double t) { return speed(t) / factor; });
+    if (factor == 1) continue;
+    EXPECT_TRUE(contains(text, factor > 100 ? "is its unit m/s?" : unit.symbol)) << text;
+    EXPECT_TRUE(contains(inverse, unit.symbol)) << inverse;
+  }
   EXPECT_TRUE(
       contains(warningOf([&](double t) { return t < 5.9 ? speed(t) : speed(5.9); }), "stuck"));
   EXPECT_TRUE(contains(warningOf([&](double t) { return t < 17 ? speed(t) : 1.4 * speed(t); }),
@@ -134,8 +149,22 @@ TEST(CameraHeight, AnImplausibleOneIsNamedWithBothNumbers) {
   EXPECT_EQ(heightWarning(1.65, 0, learned(1.65, 0)), "");
   EXPECT_EQ(heightWarning(0, 0, learned(1.58, 0.01)), "") << "none is given";
   EXPECT_EQ(heightWarning(0, 0, learned(0, 0)), "") << "not known yet";
-  EXPECT_EQ(heightWarning(0, 0, learned(5.94, 0.05)),
-            "the camera height is 5.94 m by the speeds, which is unusual: check their unit");
+}
+
+TEST(CameraHeight, ThatOfNoVehicleOrByTheFactorOfAUnitIsAnError) {
+  EXPECT_EQ(heightError(0, learned(1.58, 0.01)), "");
+  EXPECT_EQ(heightError(0, learned(0, 0)), "") << "not known yet";
+  EXPECT_EQ(heightError(0, learned(5.94, 0.05)),
+            "the camera height is 5.94 m by the speeds, outside 0.2 to 4 m: their unit looks like "
+            "km/h (1.65 m) or mph (2.66 m) or knots (3.06 m)");
+  EXPECT_EQ(heightError(0, learned(0.15, 0.01)),
+            "the camera height is 0.15 m by the speeds, outside 0.2 to 4 m: they look like m/s "
+            "taken as km/h (0.54 m) or mph (0.34 m) or knots (0.29 m)");
+  EXPECT_EQ(heightError(1.65, learned(1.8, 0.05)), "");
+  EXPECT_EQ(
+      heightError(1.65, learned(3.7, 0.05)),
+      "the camera height is given as 1.65 m, but by the speeds it is 3.70 m: their unit looks "
+      "like mph taken as m/s");
 }
 
 }  // namespace

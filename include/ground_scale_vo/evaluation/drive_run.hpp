@@ -21,6 +21,7 @@ struct DriveRun {
     std::vector<std::string> settings;
     /// In the order of their stamps; not empty: sets use_speed. A speed is known from its stamp on.
     std::vector<SpeedSample> speeds;
+    double speed_offset = 0;  ///< added to their stamps [s]
     /// Not causal: the record is that of RunRecord::smooth(). `lens` is used from the start, and
     /// not refined any more.
     bool smooth = false;
@@ -33,8 +34,8 @@ struct DriveRun {
   LensEstimate lens;
   std::size_t used = 0;               ///< images
   std::vector<std::string> warnings;  ///< sentences of DriveReader, and about the result
-  /// Why the result is not that of the whole drive, or empty: DriveReader::failure(), failureOf(),
-  /// or LensEstimate::contradiction().
+  /// Why the result is not that of the whole drive, or empty: DriveReader::failure(), speeds of
+  /// another clock or unit, failureOf(), or LensEstimate::contradiction().
   std::string failure;
 
   /// One line: images read, used and not used; share of the frames with a held scale; where the
@@ -55,8 +56,7 @@ LensEstimate lensOfDrive(const RepeatableDrive& images, const DriveReader& drive
 
 /// Runs MetricOdometry over the images. on_frame: is called after each one. Throws DataError, and
 /// OptionError: options or settings.
-DriveRun runDrive(DriveReader* drive, const DriveRun::Options& options,
-                  const DriveRun::OnFrame& on_frame);
+DriveRun runDrive(DriveReader* drive, DriveRun::Options options, const DriveRun::OnFrame& on_frame);
 
 /// Name of the result folder: that of the drive's folder, or of its file without extension.
 std::string resultName(const std::string& drive);

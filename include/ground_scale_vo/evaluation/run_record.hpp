@@ -22,11 +22,12 @@ struct RunFrame {
   Eigen::Isometry3d T_w_c = Eigen::Isometry3d::Identity();  ///< VO units, with has_vo_pose
   Eigen::Isometry3d T_o_c = Eigen::Isometry3d::Identity();  ///< [m]
   Matrix6d covariance = Matrix6d::Zero();  ///< of T_o_c, MetricPose; with has_metric_pose
+  double distance_sigma = 0;               ///< MetricPose; with has_metric_pose
   bool has_metric_pose = false;  ///< T_o_c was computed at this frame; else held or backfilled
   bool backfilled = false;       ///< T_o_c was computed later, with the first scale
   ScaleEstimate scale;           ///< as reported at this frame
-  std::string speed_warning;     ///< ScaleRecovery::Output
-  double decode_ms = 0;          ///< wall time of reading and decoding the image
+  std::string speed_error, speed_warning;  ///< ScaleRecovery::Output
+  double decode_ms = 0;                    ///< wall time of reading and decoding the image
   VisualOdometry::Times vo_times;
   ScaleRecovery::Times scale_times;
 };
@@ -56,8 +57,7 @@ class RunRecord {
   bool usedSpeeds() const;                          ///< for any frame's scale
   std::size_t lostEvents() const;  ///< changes of vo_status from kTracking to another
   std::vector<Eigen::Isometry3d> metricPoses() const;
-  /// Standard deviation of the length of metricPoses() [m], to first order: that of the
-  /// displacement, which the covariance holds, along the whole path in proportion. NaN without a
+  /// Standard deviation of the length of metricPoses() [m], of the last metric pose. NaN without a
   /// metric pose.
   double lengthSigma() const;
   /// In the VO units of each map, which differ: a later map continues from the last pose of the

@@ -39,6 +39,11 @@ std::vector<std::int64_t> readStamps(const std::filesystem::path& file);
 std::vector<std::int64_t> readImageStamps(const std::filesystem::path& file,
                                           const NumberedFiles& images);
 
+/// The number of nanoseconds in the unit of stamps: seconds, milliseconds, microseconds or
+/// nanoseconds, whichever gives a median interval between these [s]. 0: none does.
+long double nanosecondsPerUnit(const std::vector<long double>& stamps, long double min_interval,
+                               long double max_interval);
+
 /// [s] In 1985: later stamps are times since 1970, earlier ones times since the start of a drive.
 constexpr double kEarliestEpoch = 5e8;
 

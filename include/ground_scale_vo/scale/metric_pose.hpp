@@ -21,6 +21,8 @@ struct MetricPose {
   Vector6d twist_c = Vector6d::Zero();
   Matrix6d twist_covariance = Matrix6d::Zero();
   double distance = 0;  ///< travelled so far [m]
+  /// Standard deviation of distance [m]: the errors are summed along the path, also of a loop.
+  double distance_sigma = 0;
 };
 
 }  // namespace gsv

@@ -43,6 +43,9 @@ class ScaleRecovery {
     std::vector<Eigen::Vector3f> ground_points_c;
     /// Ids of this frame's features that GPE classified as ground.
     std::vector<std::uint64_t> ground_feature_ids;
+    /// Why the speeds cannot be used, such as another unit, one sentence; empty: they can. Without
+    /// a given camera height the scale is then unknown.
+    std::string speed_error;
     std::string speed_warning;  ///< what is wrong with the speeds, one sentence; empty: nothing
     Times times;
     PlaneMeasurement feature_based, direct;  ///< height 0: no measurement

@@ -43,6 +43,10 @@ void DriveArguments::check() {
     for (const std::string& setting : readOptions(options_file)) setOption(options, setting);
   }
   for (const std::string& setting : settings) setOption(options, setting);
+  if (speed_file.empty() && (!speed_unit.empty() || speed_offset != 0)) {
+    throw OptionError("--speed-unit and --speed-offset are for --speed");
+  }
+  if (!speed_unit.empty()) speedUnit(speed_unit);
   if (!speed_file.empty()) {
     options.scale.use_speed = true;
   } else if (options.scale.camera_height == 0) {

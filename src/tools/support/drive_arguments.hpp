@@ -18,6 +18,8 @@ struct DriveArguments {
   std::vector<std::string> settings;  ///< of --set
   /// Speeds of the vehicle, which replace --camera-height; empty: none. For an option of the tool.
   std::string speed_file;
+  std::string speed_unit;
+  double speed_offset = 0;  ///< [s]
 
   /// out_help: of --out.
   void addTo(CommandLine* command_line, const std::string& out_help);

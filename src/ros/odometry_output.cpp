@@ -54,12 +54,8 @@ Eigen::Matrix3d bodyFromOptical() {
 }
 
 void TfFrames::moveMounting(const Eigen::Isometry3d& T_b_c, double dt) {
-  const Eigen::Isometry3d T_last_now = T_c_b * T_b_c;
   mounting_twist_c.setZero();
-  if (dt > 0) {
-    mounting_twist_c << T_last_now.linear().transpose() * T_last_now.translation() / dt,
-        rotationVector(T_last_now.linear()) / dt;
-  }
+  if (dt > 0) mounting_twist_c = meanTwist(T_c_b * T_b_c, dt);
   T_c_b = T_b_c.inverse();
 }
 
@@ -111,19 +107,20 @@ bool BoundedPath::add(const nav_msgs::Odometry& odometry) {
   return true;
 }
 
-void FrameParents::add(const tf2_msgs::TFMessage& message, bool is_static, Clock::time_point now) {
+void FrameParents::add(const tf2_msgs::TFMessage& message, bool is_static, Clock::time_point now,
+                       const std::string& own_parent) {
   for (const geometry_msgs::TransformStamped& transform : message.transforms) {
-    parents_[withoutLeadingSlashes(transform.child_frame_id)]
-            [withoutLeadingSlashes(transform.header.frame_id)] = is_static ? kStatic : now;
+    const std::string parent = withoutLeadingSlashes(transform.header.frame_id);
+    if (!own_parent.empty() && parent == own_parent) continue;
+    parents_[withoutLeadingSlashes(transform.child_frame_id)][parent] = is_static ? kStatic : now;
   }
 }
 
-std::string FrameParents::otherParent(const std::string& frame, const std::string& parent,
-                                      Clock::time_point now) const {
+std::string FrameParents::parentOf(const std::string& frame, Clock::time_point now) const {
   const auto found = parents_.find(frame);
   if (found == parents_.end()) return {};
   for (const auto& [name, last] : found->second) {
-    if (name != parent && now - last <= kMemory) return name;
+    if (now - last <= kMemory) return name;
   }
   return {};
 }
@@ -159,11 +156,14 @@ OdometryOutput::OdometryOutput(ros::NodeHandle& handle, const ScaleRecoveryParam
   if (!params_.publish_tf) return;
   tf_broadcaster_ = std::make_unique<tf2_ros::TransformBroadcaster>();
   for (const bool is_static : {false, true}) {
+    using Event = ros::MessageEvent<const tf2_msgs::TFMessage>;
     tf_subscribers_.push_back(handle.subscribe<tf2_msgs::TFMessage>(
         is_static ? "/tf_static" : "/tf", kTfQueue,
-        [this, is_static](const tf2_msgs::TFMessageConstPtr& message) {
-          frame_parents_.add(*message, is_static, FrameParents::Clock::now());
-        }));
+        boost::function<void(const Event&)>([this, is_static](const Event& event) {
+          const bool is_own = event.getPublisherName() == ros::this_node::getName();
+          frame_parents_.add(*event.getMessage(), is_static, FrameParents::Clock::now(),
+                             is_own ? params_.odom_frame : "");
+        })));
   }
 }
 
@@ -185,7 +185,7 @@ void OdometryOutput::publish(const std::optional<MetricPose>& pose, const std_ms
   }
   const nav_msgs::Odometry::ConstPtr odometry = toOdometryMsg(*pose, *tf_frames_, image.stamp);
   odometry_publisher_.publish(odometry);
-  if (const std::string error = otherParentError(); !error.empty()) {
+  if (const std::string error = otherBroadcasterError(); !error.empty()) {
     log_->error("tf", error);
   } else if (tf_broadcaster_ && !isOfLastPass(image.stamp)) {
     tf_broadcaster_->sendTransform(toTransformMsg(*odometry));
@@ -249,15 +249,15 @@ bool OdometryOutput::isOfLastPass(const ros::Time& stamp) {
   return (latest_clock_ - now).toSec() > jump_s && (stamp - now).toSec() > jump_s;
 }
 
-std::string OdometryOutput::otherParentError() const {
+std::string OdometryOutput::otherBroadcasterError() const {
   if (!tf_broadcaster_ || !tf_frames_) return {};
   const std::string& child = tf_frames_->base_frame;
-  const std::string parent =
-      frame_parents_.otherParent(child, params_.odom_frame, FrameParents::Clock::now());
+  const std::string parent = frame_parents_.parentOf(child, FrameParents::Clock::now());
   if (parent.empty()) return {};
   const std::string root = frame_parents_.staticRoot(child);
-  return "frame \"" + child + "\" has the parent \"" + parent + "\" on tf, so " +
-         params_.odom_frame + " -> " + child + " is not broadcast; set " +
+  return "frame \"" + child + "\" has the parent \"" + parent + "\" on tf" +
+         (parent == params_.odom_frame ? " from another node" : "") + ", so " + params_.odom_frame +
+         " -> " + child + " is not broadcast; set " +
          (root == child ? "publish_tf to false, or stop the other publisher"
                         : "base_frame to \"" + root + "\"");
 }

@@ -86,17 +86,19 @@ class BoundedPath {
   nav_msgs::Path path_;
 };
 
-/// The parents of tf frames, to find out whether a frame that is to be broadcast has another one
-/// already; tf2 does not report a second parent.
+/// The parents of tf frames, to find out whether a frame that is to be broadcast is broadcast by
+/// another node already; tf2 reports neither a second parent nor a second broadcaster.
 class FrameParents {
  public:
   using Clock = std::chrono::steady_clock;
 
-  void add(const tf2_msgs::TFMessage& message, bool is_static, Clock::time_point now);
+  /// own_parent: of the transforms that this node broadcasts itself, which do not count; empty: the
+  /// message is from another node.
+  void add(const tf2_msgs::TFMessage& message, bool is_static, Clock::time_point now,
+           const std::string& own_parent = {});
 
-  /// The parent of the frame other than `parent`; empty: none, or not broadcast any more.
-  std::string otherParent(const std::string& frame, const std::string& parent,
-                          Clock::time_point now) const;
+  /// The frame's parent; empty: none, or not broadcast any more.
+  std::string parentOf(const std::string& frame, Clock::time_point now) const;
   /// The frame at the top of the chain of static transforms to this frame; the frame itself if
   /// there is none.
   std::string staticRoot(const std::string& frame) const;
@@ -124,9 +126,9 @@ class OdometryOutput {
   const std::optional<TfFrames>& frames() const { return tf_frames_; }
   /// Why the last image has no pose although the scale may be known; empty: it has one.
   const std::string& mountingError() const { return mounting_error_; }
-  /// Why the pose is not broadcast on tf: the frame has another parent there. Empty: it has none,
-  /// or publish_tf is false.
-  std::string otherParentError() const;
+  /// Why the pose is not broadcast on tf: another node broadcasts the frame there, from this or
+  /// another parent. Empty: none does, or publish_tf is false.
+  std::string otherBroadcasterError() const;
 
  private:
   bool findFrames(const std_msgs::Header& image);

@@ -392,7 +392,7 @@ StageNodelet::State ScaleRecoveryNodelet::describe(Diagnostics& status) {
   State state;
   state.dropped = continuity_.missing() + log_->dropped("frame ");
   state.missing = missingInput(frame_subscriber_.getTopic());
-  state.errors = {output_->mountingError(), output_->otherParentError(), speed_error_,
+  state.errors = {output_->mountingError(), output_->otherBroadcasterError(), speed_error_,
                   report_.last.speed_error};
   state.warnings = report_.warnings;
   state.warnings.push_back(continuity_.sequenceError());

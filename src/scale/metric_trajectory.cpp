@@ -15,11 +15,13 @@ namespace {
 constexpr int kBridgeSteps = 16;
 
 /// White noise of a position [camera heights] and of a rotation [rad], for the covariance of the
-/// twist: it never vanishes.
-constexpr double kPositionNoise = 0.002, kRotationNoise = 0.0002;
+/// twist: it never vanishes. That of the rotation is measured on KITTI, without the noise of its
+/// ground truth.
+constexpr double kPositionNoise = 0.002, kRotationNoise = 0.00015;
 /// Relative standard deviation of the length of a gap by the speeds.
 constexpr double kGapLengthSigma = 0.02;
-/// [m] After which the errors of two poses, which share map points, count as independent.
+/// [m] Over which the errors of two poses, which share map points, come to differ by the covariance
+/// of one pose; after twice this they count as independent.
 constexpr double kPoseCorrelation = 2;
 /// [m/s] Standard deviation of the velocity when a standstill ends in a new map.
 constexpr double kUnobservedSpeedSigma = 5;
@@ -331,8 +333,8 @@ void MetricTrajectory::setVariance(int state, double variance) {
   }
 }
 
-/// Sets the twist: mean velocity over the motion T_last_c [VO units], in the axes of the camera
-/// now. dt: [s]; 0: not known.
+/// Sets the twist: the constant one that leads to the motion T_last_c [VO units] in dt [s]; 0: not
+/// known.
 void MetricTrajectory::setTwist(const Eigen::Isometry3d& T_last_c, const ScaleEstimate& scale,
                                 double dt) {
   Matrix6d& covariance = last_.twist_covariance;
@@ -343,18 +345,27 @@ void MetricTrajectory::setTwist(const Eigen::Isometry3d& T_last_c, const ScaleEs
     velocity_variance_ = covariance.topLeftCorner<3, 3>().trace();
     return;
   }
-  const Eigen::Matrix3d R_c_last = T_last_c.linear().transpose();
-  const Eigen::Vector3d step_c = scale.scale * (R_c_last * T_last_c.translation());
-  const Eigen::Vector3d rotation_c = rotationVector(T_last_c.linear());
-  last_.twist_c << step_c / dt, rotation_c / dt;
-  covariance = 2 * pose_covariance_c_;
-  covariance.topLeftCorner<3, 3>() = stepCovariance(step_c, scale);
+  Eigen::Isometry3d motion = T_last_c;
+  motion.translation() *= scale.scale;
+  last_.twist_c = meanTwist(motion, dt);
+  const Eigen::Vector3d path_c = dt * last_.twist_c.head<3>();
+  const Eigen::Vector3d rotation_c = dt * last_.twist_c.tail<3>();
+  const double length = path_c.norm();
+  const double share = std::min(length / kPoseCorrelation, 2.0);
+  // The errors of the calibration, of which the rotation's random walk is the sum, are correlated,
+  // so over a short distance they grow with its square.
+  const double walk_share = std::min(length / (2 * options_.scale_correlation_m), 1.0);
+  covariance = share * pose_covariance_c_;
+  covariance.topLeftCorner<3, 3>() = stepCovariance(path_c, scale, share);
   covariance.bottomRightCorner<3, 3>() +=
-      (rotationVariance(step_c.norm()) + 2 * std::pow(kRotationNoise, 2)) *
+      (walk_share * rotationVariance(length) + 2 * std::pow(kRotationNoise, 2)) *
           Eigen::Matrix3d::Identity() +
       std::pow(options_.rotation_scale_sigma, 2) * rotation_c * rotation_c.transpose();
   covariance /= dt * dt;
 
+  // For a gap that may follow: in the axes of the camera now.
+  const Eigen::Matrix3d R_c_last = T_last_c.linear().transpose();
+  const Eigen::Vector3d step_c = scale.scale * (R_c_last * T_last_c.translation());
   Eigen::Vector3d steps_c = step_c;
   double steps_s = dt;
   if (last_step_s_ > 0 && areUnequal(dt, last_step_s_)) {
@@ -368,11 +379,13 @@ void MetricTrajectory::setTwist(const Eigen::Isometry3d& T_last_c, const ScaleEs
 }
 
 /// Of a step [m] in camera axes, with the errors of the poses at both ends: of the map points'
-/// reprojections, and a white noise.
+/// reprojections, in which they differ by this share of the covariance of one pose (2: they are
+/// independent), and a white noise.
 Eigen::Matrix3d MetricTrajectory::stepCovariance(const Eigen::Vector3d& step_c,
-                                                 const ScaleEstimate& scale) const {
+                                                 const ScaleEstimate& scale,
+                                                 double pose_share) const {
   const double noise = kPositionNoise * scale.height * scale.scale;
-  return 2 * pose_covariance_c_.topLeftCorner<3, 3>() + directionCovariance(step_c) +
+  return pose_share * pose_covariance_c_.topLeftCorner<3, 3>() + directionCovariance(step_c) +
          std::pow(scale.sigma / scale.scale, 2) * step_c * step_c.transpose() +
          2 * noise * noise * Eigen::Matrix3d::Identity();
 }

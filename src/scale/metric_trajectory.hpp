@@ -79,7 +79,8 @@ class MetricTrajectory {
                        double scale_correlation);
   void setVariance(int state, double variance);
   void setTwist(const Eigen::Isometry3d& T_last_c, const ScaleEstimate& scale, double dt);
-  Eigen::Matrix3d stepCovariance(const Eigen::Vector3d& step_c, const ScaleEstimate& scale) const;
+  Eigen::Matrix3d stepCovariance(const Eigen::Vector3d& step_c, const ScaleEstimate& scale,
+                                 double pose_share = 2) const;
   Eigen::Matrix3d directionCovariance(const Eigen::Vector3d& step) const;
   double rotationVariance(double length) const;
 

@@ -1,10 +1,11 @@
 """Writes bags for the command tests: a short drive with the nodelets' output of it, and copies of a good one
-(a raw drive, compressed images, GPS fixes)."""
+(a raw drive, compressed images, GPS fixes, other sensors)."""
 
 import cmath
 import io
 import math
 
+import cv2
 import numpy as np
 import PIL.Image
 import rosbag
@@ -12,7 +13,7 @@ import rospy
 from geometry_msgs.msg import TransformStamped, TwistStamped
 from ground_scale_vo.msg import ScaleEstimate
 from nav_msgs.msg import Odometry
-from sensor_msgs.msg import CompressedImage, Image, NavSatFix
+from sensor_msgs.msg import CompressedImage, Image, Imu, NavSatFix
 from std_msgs.msg import Float32, Float64
 from tf2_msgs.msg import TFMessage
 
@@ -165,3 +166,38 @@ def add_fixes(bag_file, poses):
             fix.position_covariance = [0.0004, 0, 0, 0, 0.0004, 0, 0, 0, 0.0016]
             fix.position_covariance_type = NavSatFix.COVARIANCE_TYPE_DIAGONAL_KNOWN
             bag.write("/fix", fix, stamp)
+
+
+def add_motion_sensors(bag_file, poses):
+    """Adds the mounting base_link -> camera, 1.65 m high on /tf_static, an IMU of 100 Hz with a bias of 0.002 rad/s in
+    each axis (/imu/data) and wheels of 50 Hz that read 1 % too much (/wheel/odometry). poses: N x 3 x 4, camera."""
+    optical = np.array([[0, 0, 1], [-1, 0, 0], [0, -1, 0]])  # camera axes in the base
+    with rosbag.Bag(str(bag_file)) as bag:
+        headers = [message.header for _, message, _ in bag.read_messages(topics=[IMAGE])]
+    random = np.random.default_rng(1)
+    with rosbag.Bag(str(bag_file), "a") as bag:
+        mounting = TransformStamped(child_frame_id=headers[0].frame_id)
+        mounting.header.frame_id = "base_link"
+        mounting.transform.translation.z = 1.65
+        rotation = mounting.transform.rotation
+        rotation.x, rotation.y, rotation.z, rotation.w = -0.5, 0.5, -0.5, 0.5
+        bag.write("/tf_static", TFMessage([mounting]), headers[0].stamp)
+        for then, now, before, after in zip(headers, headers[1:], poses, poses[1:]):
+            duration = (now.stamp - then.stamp).to_sec()
+            turn = before[:, :3].T @ after[:, :3]
+            rates = optical @ cv2.Rodrigues(turn)[0].ravel() / duration
+            speed = np.linalg.norm(after[:, 3] - before[:, 3]) / duration
+            for k in range(10):
+                imu = Imu()
+                imu.header.frame_id = "base_link"
+                imu.header.stamp = then.stamp + rospy.Duration(duration * (k + 1) / 10)
+                rate = imu.angular_velocity
+                rate.x, rate.y, rate.z = rates + 0.002 + random.normal(0, 0.001, 3)
+                imu.angular_velocity_covariance = [5e-6, 0, 0, 0, 5e-6, 0, 0, 0, 5e-6]
+                imu.orientation_covariance[0] = -1  # none
+                bag.write("/imu/data", imu, imu.header.stamp)
+                if k % 2:
+                    wheels = Odometry(header=imu.header, child_frame_id="base_link")
+                    wheels.twist.twist.linear.x = 1.01 * speed + random.normal(0, 0.02)
+                    wheels.twist.covariance[0] = wheels.twist.covariance[7] = 0.01
+                    bag.write("/wheel/odometry", wheels, imu.header.stamp)

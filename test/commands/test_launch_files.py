@@ -17,6 +17,7 @@ FILES = {
     "bag.launch bag:=/x.bag image:=/cam/image camera_height:=1.2": ["/mono_vo", "/scale_recovery"],
     "kitti.launch bag:=/x.bag": ["/mono_vo", "/scale_recovery"],
     "live_camera.launch camera_height:=1.2": ["/mono_vo", "/scale_recovery"],
+    "fused.launch camera_height:=1.2": ["/mono_vo", "/scale_recovery"],
     "another_vo.launch camera_height:=1.2": ["/scale_recovery"],
     "two_vehicles.launch first_height:=1.2 second_height:=1.65": [
         "/first/mono_vo", "/first/scale_recovery", "/second/mono_vo", "/second/scale_recovery"],
@@ -198,3 +199,16 @@ def test_a_speed_replaces_the_height(call, height_file):
     _, remappings, parameters, _ = loaded(call, f"height_file:={height_file}")
     assert parameters[f"{node}/height_file"] == height_file
     assert parameters[f"{node}/use_speed"] is False and "speed" not in remappings[node]
+
+
+def test_fused_launch_gives_the_filter_the_sensors_that_exist():
+    """Only the filter broadcasts odom -> base_link."""
+    call = "fused.launch camera_height:=1.2"
+    _, _, parameters, _ = loaded(call)
+    assert parameters["/scale_recovery/publish_tf"] is False and parameters["/ekf/publish_tf"] is True
+    assert parameters["/scale_recovery/base_frame"] == parameters["/ekf/base_link_frame"] == "base_link"
+    assert len(parameters["/ekf/process_noise_covariance"]) == len(parameters["/ekf/initial_estimate_covariance"]) == 225
+    assert "/ekf/imu0" not in parameters and "/ekf/odom1" not in parameters
+    _, _, parameters, _ = loaded(call, "imu:=/imu", "wheels:=/wheels", "two_d:=true", "odom_frame:=map")
+    assert parameters["/ekf/imu0"] == "/imu" and parameters["/ekf/odom1"] == "/wheels"
+    assert parameters["/ekf/two_d_mode"] is True and parameters["/ekf/world_frame"] == "map"

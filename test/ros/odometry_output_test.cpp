@@ -159,8 +159,7 @@ TEST_F(BaseOdometry, ABaseThatStandsStillUnderAMovingCameraHasNoTwist) {
   const Eigen::Isometry3d moved = test::pose({0, 0, 0.4 * kTime}, {0.1 * kTime, 0, 0}) * T_b_c_;
   MetricPose pose;  // of the camera in its first frame
   pose.T_o_c = T_b_c_.inverse() * moved;
-  pose.twist_c << pose.T_o_c.linear().transpose() * pose.T_o_c.translation() / kTime,
-      rotationVector(pose.T_o_c.linear()) / kTime;
+  pose.twist_c = meanTwist(pose.T_o_c, kTime);
   frames_.moveMounting(moved, kTime);
   const nav_msgs::Odometry odometry = message(pose);
   EXPECT_TRUE(fromMsg(odometry.pose.pose).isApprox(Eigen::Isometry3d::Identity(), 1e-12));
@@ -218,12 +217,23 @@ FrameParents::Clock::time_point at(double seconds) {
 TEST(FrameParents, ForgetsAParentThatIsNotBroadcastAnyMore) {
   FrameParents parents;
   for (const int second : {0, 4, 8}) parents.add(transform("w", "camera"), false, at(second));
-  EXPECT_EQ(parents.otherParent("camera", "odom", at(12.9)), "w");
-  EXPECT_EQ(parents.otherParent("camera", "odom", at(13.1)), "");
+  EXPECT_EQ(parents.parentOf("camera", at(12.9)), "w");
+  EXPECT_EQ(parents.parentOf("camera", at(13.1)), "");
   // It does not hide one that is.
   for (const char* parent : {"a", "z"}) parents.add(transform(parent, "camera"), false, at(8));
   parents.add(transform("mast", "camera"), false, at(20));
-  EXPECT_EQ(parents.otherParent("camera", "odom", at(20)), "mast");
+  EXPECT_EQ(parents.parentOf("camera", at(20)), "mast");
+}
+
+// A filter beside publish_tf.
+TEST(FrameParents, KnowsASecondBroadcasterOfTheSameTransform) {
+  FrameParents parents;
+  parents.add(transform("odom", "base_link"), false, at(0), "odom");  // the node's own
+  EXPECT_EQ(parents.parentOf("base_link", at(0)), "");
+  parents.add(transform("map", "base_link"), false, at(0), "odom");
+  EXPECT_EQ(parents.parentOf("base_link", at(0)), "map") << "of another nodelet of this node";
+  parents.add(transform("odom", "base_link"), false, at(10));
+  EXPECT_EQ(parents.parentOf("base_link", at(10)), "odom");
 }
 
 }  // namespace

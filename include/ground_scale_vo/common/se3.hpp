@@ -9,7 +9,7 @@ namespace gsv {
 // Small motions of a pose are 6-vectors (w, v): w [rad] is a rotation vector (axis times angle), v
 // a translation. Both are in the axes of the frame that moves, and translation is not coupled to
 // rotation: the retraction is that of SO(3) x R^3, not the exponential map of SE(3). Only
-// exponentialMap() couples them.
+// exponentialMap() and logarithm() couple them.
 
 using Vector6d = Eigen::Matrix<double, 6, 1>;
 using Matrix6d = Eigen::Matrix<double, 6, 6>;
@@ -60,6 +60,26 @@ inline Eigen::Isometry3d exponentialMap(const Eigen::Vector3d& w, const Eigen::V
   T.translation() += (1 - std::cos(angle)) / angle * axis.cross(v) +
                      (1 - std::sin(angle) / angle) * axis.cross(axis.cross(v));
   return T;
+}
+
+/// Logarithm of SE(3), the inverse of exponentialMap() for angles up to pi: (w, v) with w the
+/// rotation vector and v = J_l(w)^-1 t.
+inline Vector6d logarithm(const Eigen::Isometry3d& T) {
+  const Eigen::Vector3d w = rotationVector(T.linear()), t = T.translation();
+  const double half = 0.5 * w.norm();
+  const double share = half < 1e-4 ? 1.0 / 12 : (1 - half / std::tan(half)) / (4 * half * half);
+  Vector6d log;
+  log << w, t - 0.5 * w.cross(t) + share * w.cross(w.cross(t));
+  return log;
+}
+
+/// The constant twist that moves a frame by T_then_now in dt [s]: linear, then angular velocity, as
+/// in geometry_msgs/Twist, in the axes of the frame that moves.
+inline Vector6d meanTwist(const Eigen::Isometry3d& T_then_now, double dt) {
+  const Vector6d log = logarithm(T_then_now);
+  Vector6d twist;
+  twist << log.tail<3>(), log.head<3>();
+  return twist / dt;
 }
 
 /// Retraction: T_a_b after b has moved by delta in its own axes, (R exp([w]x), t + R v).

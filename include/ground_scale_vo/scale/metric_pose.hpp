@@ -15,9 +15,10 @@ struct MetricPose {
   /// Accumulated covariance of T_o_c in o axes, in the order of geometry_msgs/PoseWithCovariance:
   /// position [m^2], then rotation as a left perturbation exp(w) R [rad^2].
   Matrix6d covariance = Matrix6d::Zero();
-  /// Mean velocity since the previous tracked frame of the map (in its first tracked frame since
-  /// the map's first frame), in camera axes c: linear [m/s], then angular [rad/s]. Zero with a
-  /// standard deviation of 50 m/s and rad/s when no such frame is known.
+  /// The constant twist, in camera axes c, that leads here from the previous tracked frame of the
+  /// map (in its first tracked frame from the map's first frame): linear [m/s], then angular
+  /// [rad/s]; the logarithm of the motion in SE(3) over its duration. Zero with a standard
+  /// deviation of 50 m/s and rad/s when no such frame is known.
   Vector6d twist_c = Vector6d::Zero();
   Matrix6d twist_covariance = Matrix6d::Zero();
   double distance = 0;  ///< travelled so far [m]

@@ -173,7 +173,8 @@ SelfCalibratingOdometry::Output SelfCalibratingOdometry::process(const cv::Mat& 
     });
   }
   Output output = s.current->process(image, stamp_ns);
-  if (!s.options.refine_camera) return output;
+  if (output.frame.zoom != 1) s.next.reset();  // no lens is that of the calibration
+  if (!s.options.refine_camera || output.frame.zoom != 1) return output;
   for (const TrackedFeature& feature : output.frame.features) {
     s.first_unused_id = std::max(s.first_unused_id, feature.id + 1);
   }

@@ -26,8 +26,9 @@ std::string mostFrequentReason(const RunRecord& record) {
 }  // namespace
 
 std::string failureOf(const RunRecord& record) {
-  std::size_t metric = 0, moving = 0, held = 0;
+  std::size_t metric = 0, moving = 0, held = 0, zoomed = 0;
   for (const RunFrame& frame : record.frames()) {
+    if (frame.scale.measurement == MeasurementStatus::kZoomed) ++zoomed;
     if (!frame.has_metric_pose) continue;
     ++metric;
     if (frame.scale.measurement == MeasurementStatus::kStandstill) continue;
@@ -40,6 +41,12 @@ std::string failureOf(const RunRecord& record) {
     return format(
         "the odometry tracked in only %zu of %zu images: are they in order, and of one drive?",
         tracked, frames);
+  }
+  if (zoomed > 0) {
+    return format(
+        "the camera zoomed while driving: no distance is known for %zu of %zu images; fix zoom and "
+        "focus",
+        zoomed, frames);
   }
   if (2 * held > moving) {
     return format(

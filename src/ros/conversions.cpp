@@ -72,6 +72,8 @@ using RowMajorMatrix6d = Eigen::Matrix<double, 6, 6, Eigen::RowMajor>;
 /// First element of a covariance without an estimate, as sensor_msgs/Imu defines it; nav_msgs and
 /// geometry_msgs define none.
 constexpr double kUnknownCovariance = -1;
+/// Of a focal length: no lens has more.
+constexpr double kMaxZoom = 1000;
 
 Matrix6d poseCovarianceOf(const VoFrameMsg& msg) {
   const Eigen::Map<const RowMajorMatrix6d> C(msg.pose_covariance.data());
@@ -202,6 +204,7 @@ VoFrameMsg::Ptr toMsg(const VoFrame& frame, const std_msgs::Header& header) {
   msg->cy = frame.camera.cy;
   msg->lens_is_estimated = frame.camera.lens_is_estimated;
   msg->k1_sigma = frame.camera.k1_sigma;
+  msg->zoom = frame.zoom;
   msg->pose = tf2::toMsg(frame.T_w_c);
   Eigen::Map<RowMajorMatrix6d>(msg->pose_covariance.data()) = frame.pose_covariance;
   std::copy_n(frame.readout_motion.data(), 6, msg->readout_motion.begin());
@@ -239,6 +242,8 @@ VoFrame fromMsg(const VoFrameMsg& msg) {
   frame.map_id = msg.map_id;
   frame.keyframe = msg.keyframe != 0;
   frame.camera = cameraOf(msg);
+  if (!(msg.zoom >= 0 && msg.zoom <= kMaxZoom)) refuse("zoom is ", msg.zoom);
+  if (msg.zoom > 0) frame.zoom = msg.zoom;
   if (frame.status == VoStatus::kTracking) {
     frame.T_w_c = fromMsg(msg.pose);
     frame.pose_covariance = poseCovarianceOf(msg);
@@ -267,7 +272,7 @@ ScaleEstimateMsg::Ptr toMsg(const ScaleEstimate& scale, std::uint32_t map_id,
 
 ScaleEstimate fromMsg(const ScaleEstimateMsg& msg) {
   requireAtMost("status", msg.status, ScaleEstimateMsg::HELD);
-  requireAtMost("reason", msg.reason, ScaleEstimateMsg::IMPLAUSIBLE_MOTION);
+  requireAtMost("reason", msg.reason, ScaleEstimateMsg::ZOOMED);
   requireAtMost("source", msg.source, ScaleEstimateMsg::SOURCE_BOTH);
   ScaleEstimate scale;
   visitFields(scale, msg, [](auto& value, const auto& field) {

@@ -18,6 +18,7 @@
 #include <utility>
 
 #include "common/files.hpp"
+#include "common/text.hpp"
 #include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/input/camera_file.hpp"
 #include "ground_scale_vo/input/stamps.hpp"
@@ -62,6 +63,8 @@ class MonoVoNodelet : public StageNodelet {
   void subscribe(ros::NodeHandle& handle, const ros::NodeHandle& private_handle,
                  image_transport::ImageTransport* transport);
   std::string imageTopic() const;
+  /// One sentence while the focal length is not that of the calibration, else empty.
+  std::string zoomError() const;
   void onCameraInfo(const sensor_msgs::CameraInfoConstPtr& info);
   void onCompressedImage(const sensor_msgs::CompressedImageConstPtr& compressed);
   void onImage(const sensor_msgs::ImageConstPtr& image);
@@ -334,6 +337,13 @@ std::string MonoVoNodelet::imageTopic() const {
              : image_subscriber_.getTopic();
 }
 
+std::string MonoVoNodelet::zoomError() const {
+  if (!last_frame_ || last_frame_->zoom == 1) return {};
+  return "the focal length has changed by a factor of " + format("%.2f", last_frame_->zoom) +
+         " since the start, so there is no scale: fix zoom and focus, or publish camera_info of "
+         "the new setting";
+}
+
 StageNodelet::State MonoVoNodelet::describe(Diagnostics& status) {
   const VoFrame frame = last_frame_.value_or(VoFrame());
   constexpr std::uint8_t kLevels[] = {DiagnosticStatus::WARN, DiagnosticStatus::OK,
@@ -357,7 +367,8 @@ StageNodelet::State MonoVoNodelet::describe(Diagnostics& status) {
     state.missing = "no camera_info received yet on " + camera_info_subscriber_.getTopic();
   }
   state.errors = {input_->sourceError(imageTopic()),
-                  odometry_ ? odometry_->lens().contradiction(lensOf(*odometry_camera_)) : ""};
+                  odometry_ ? odometry_->lens().contradiction(lensOf(*odometry_camera_)) : "",
+                  zoomError()};
   if (processed() == 0 && !image_error_.empty()) {
     state.errors.push_back("no usable image: " + image_error_);
   }

@@ -23,7 +23,7 @@ const char* toString(ScaleStatus status) { return nameOf(status, {"unknown", "ok
 const char* toString(MeasurementStatus status) {
   return nameOf(status, {"none", "vo_not_tracking", "standstill", "too_few_triangles",
                          "too_few_ground_points", "no_plane", "plane_tilted", "rejected_by_filter",
-                         "implausible_motion"});
+                         "implausible_motion", "zoomed"});
 }
 
 }  // namespace gsv

@@ -60,8 +60,9 @@ ScaleRecovery::Output ScaleRecovery::Impl::process(const VoFrame& frame, const c
   Continuity continuity = frame.status == VoStatus::kLost ? Continuity::kSameMap : frame.continuity;
   follow(continuity);
   const bool was_known = filter.known();
-  scale.measurement = MeasurementStatus::kVoNotTracking;
-  if (frame.status == VoStatus::kTracking && isFinite(frame.T_w_c) &&
+  scale.measurement =
+      frame.zoom == 1 ? MeasurementStatus::kVoNotTracking : MeasurementStatus::kZoomed;
+  if (frame.status == VoStatus::kTracking && frame.zoom == 1 && isFinite(frame.T_w_c) &&
       isPlausiblePosition(frame.T_w_c.translation())) {
     const std::optional<Continuity> of_pose = continuityOfPose(frame);
     continuity = of_pose.value_or(continuity);

@@ -7,6 +7,7 @@
 
 #include "common/time.hpp"
 #include "vo/pose.hpp"
+#include "vo/zoom.hpp"
 
 namespace gsv {
 namespace {
@@ -28,6 +29,15 @@ constexpr int kLostImagesBeforeNewMap = 3;
 /// [image intervals] The pose search begins when more images than this have no texture or are
 /// missing. Irregular stamps of images that follow each other look like fewer.
 constexpr double kMaxMissingImages = 4;
+
+/// Standard deviation of the rotation between the images before and after a zoom, as predicted
+/// [rad].
+constexpr double kZoomRotationSigma = 0.01;
+/// [image intervals] After a longer one the predicted motion may be wrong: towards a wall it looks
+/// like a zoom.
+constexpr double kMaxStepsToZoom = 1.5;
+/// A smaller factor of the focal length since the start is none: the lens has returned.
+constexpr double kMinTotalZoom = 1.02;
 
 /// [matches] minimum number from which the positions of the other features are predicted.
 constexpr std::size_t kMinPredictingMatches = 25;
@@ -199,8 +209,13 @@ void VisualOdometry::Impl::restart(Frame* frame) {
 std::vector<Feature> VisualOdometry::Impl::track(Frame* frame) {
   const bool was_lost = status_ == VoStatus::kLost;
   findFeatures(nullptr, frame);
-  if (!localise(motion_.predict(frame->stamp_ns), frame) && !relocalise(frame)) {
-    return {};
+  if (!localise(motion_.predict(frame->stamp_ns), frame)) {
+    const bool follows = !was_lost && motion_.stepsSince(frame->stamp_ns) < kMaxStepsToZoom;
+    if (const auto zoom = follows ? zoomOf(*frame) : std::nullopt) {
+      startZoomedMap(*zoom, frame);
+      return tracking_.features();
+    }
+    if (!relocalise(frame)) return {};
   }
   // After an interruption many features are wrong: they would become observations of a keyframe.
   if (was_lost) rejectInconsistent(motion_.T_w_c(), frame);
@@ -295,6 +310,44 @@ void VisualOdometry::Impl::rejectOutliers(const Eigen::Isometry3d& T_c_previous,
   rejectFeatures(isOutlier, &frame->found, &frame->outliers);
 }
 
+/// The factor of the focal length since the previous image, which no motion explains: from there no
+/// pose was found. By tracking without a prediction, or for a large factor by descriptors.
+std::optional<double> VisualOdometry::Impl::zoomOf(const Frame& frame) const {
+  const std::vector<Feature>& features = tracking_.features();
+  const auto predicted = predictPixels(camera_, mapping_.map(), features, motion_.T_w_c(),
+                                       motion_.predict(frame.stamp_ns));
+  std::vector<Eigen::Vector2d> from, to;
+  const auto add = [&](const cv::Point2f& u, const cv::Point2f& v) {
+    from.emplace_back(u.x, u.y);
+    to.emplace_back(v.x, v.y);
+  };
+  const auto found = tracking_.track(frame.image, frame.stamp_ns, {}, Eigen::Matrix3d::Identity());
+  std::size_t i = 0;
+  for (const Feature& feature : found) {
+    while (features[i].id != feature.id) ++i;
+    add(predicted[i], toCv(feature.u));
+  }
+  if (const auto zoom = zoomBetween(camera_, from, to)) return zoom;
+  from.clear();
+  to.clear();
+  const Descriptors previous = tracking_.describeFeatures();
+  const Descriptors corners = tracking_.describeCorners(frame.image);
+  for (const DescriptorMatch& match : matchDescriptors(previous, corners)) {
+    add(predicted[match.from], corners.points()[match.to]);
+  }
+  return zoomBetween(camera_, from, to);
+}
+
+/// The map ends: its points and this image have different focal lengths.
+void VisualOdometry::Impl::startZoomedMap(double zoom, Frame* frame) {
+  zoom_ *= zoom;
+  if (std::max(zoom_, 1 / zoom_) < kMinTotalZoom) zoom_ = 1;
+  const Eigen::Isometry3d predicted = motion_.predict(frame->stamp_ns);
+  rotation_to_start_ = {predicted.linear().transpose() * motion_.T_w_c().linear(),
+                        kZoomRotationSigma};
+  startNextMap(frame);
+}
+
 /// Finds the pose of an image in which tracking has failed, by descriptors or by a search. Returns
 /// false when there is none; after several images with texture a new map starts.
 bool VisualOdometry::Impl::relocalise(Frame* frame) {
@@ -322,10 +375,15 @@ bool VisualOdometry::Impl::relocalise(Frame* frame) {
   if (interruption_.images() < kLostImagesBeforeNewMap) return false;
   rotation_to_start_ = interruption_.rotation();
   interruption_.end();
+  startNextMap(frame);
+  return false;
+}
+
+/// From rotation_to_start_ on.
+void VisualOdometry::Impl::startNextMap(Frame* frame) {
   ++map_id_;
   continuity_ = Continuity::kNewMap;
   restart(frame);
-  return false;
 }
 
 /// Tracks the features again from the pose found. Most of those that are tracked over a long
@@ -381,6 +439,7 @@ VoFrame VisualOdometry::Impl::toVoFrame(const Frame& frame,
   result.continuity = continuity_;
   result.keyframe = frame.keyframe;
   result.camera = camera_;
+  result.zoom = zoom_;
   if (status_ != VoStatus::kInitialising) result.map_start = map_start_;
   if (status_ == VoStatus::kTracking) {
     result.pose_covariance = pose_covariance_;

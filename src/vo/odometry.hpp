@@ -38,6 +38,7 @@ class VisualOdometry::Impl {
   void trackByFlow(Frame* frame) const;
   void trackByMatching(Frame* frame) const;
   void startMap(std::vector<StampedPose> poses, Frame* frame);
+  void startNextMap(Frame* frame);
   void restart(Frame* frame);
 
   std::vector<Feature> track(Frame* frame);
@@ -45,6 +46,8 @@ class VisualOdometry::Impl {
   bool localise(const Eigen::Isometry3d& predicted_T_w_c, Frame* frame);
   void rejectOutliers(const Eigen::Isometry3d& T_c_previous, const std::vector<bool>& inlier,
                       Frame* frame);
+  std::optional<double> zoomOf(const Frame& frame) const;
+  void startZoomedMap(double zoom, Frame* frame);
   bool relocalise(Frame* frame);
   bool trackFrom(const RelocalisedPose& pose, Frame* frame);
   void rejectInconsistent(const Eigen::Isometry3d& T_w_c, Frame* frame) const;
@@ -75,6 +78,7 @@ class VisualOdometry::Impl {
   /// From the last frame with a pose, or from the first image, to the first frame of the next map.
   RelativeRotation rotation_to_start_{Eigen::Matrix3d::Identity(), 0};
   Interruption interruption_;
+  double zoom_ = 1;  ///< see VoFrame
 };
 
 }  // namespace gsv

@@ -29,6 +29,12 @@ TEST(RunFailure, AScaleThatIsMostlyHeldIsNoResult) {
   EXPECT_EQ(held(9, MeasurementStatus::kStandstill), "") << "waiting at a traffic light";
 }
 
+TEST(RunFailure, AZoomEndsTheDistances) {
+  const RunRecord record = runWith(3, ScaleStatus::kUnknown, MeasurementStatus::kZoomed);
+  EXPECT_NE(failureOf(record).find("zoomed while driving: no distance is known for 3 of 10"),
+            std::string::npos);
+}
+
 TEST(RunFailure, NamesTheMostFrequentReasonWithoutAPose) {
   ScriptedRun run;
   run.tracked(0).withoutPose(VoStatus::kLost).withoutPose(VoStatus::kLost);

@@ -41,6 +41,7 @@ VoFrame someFrame() {
   frame.map_id = 3;
   frame.keyframe = true;
   frame.camera = {1241, 376, 718.856, 718.857, 607.1928, 185.2157, true, 0.004};
+  frame.zoom = 1.2;
   frame.T_w_c = test::pose({0.3, -1.2, 2}, {normal(random), normal(random), normal(random)});
   const Matrix6d root = Matrix6d::NullaryExpr([&] { return normal(random); });
   frame.pose_covariance = root * root.transpose();
@@ -75,9 +76,10 @@ TEST(VoFrameMsg, RoundTripIsExact) {
   const VoFrameMsg msg = message(frame);
   const VoFrame back = fromMsg(msg);
   const auto values = [](const VoFrame& f) {
-    return std::tuple(f.stamp_ns, f.sequence, f.status, f.map_id, f.keyframe, f.camera.width,
-                      f.camera.height, f.camera.fx, f.camera.fy, f.camera.cx, f.camera.cy,
-                      f.map_start.stamp_ns, f.map_start.rotation_sigma, f.features.size());
+    return std::tuple(f.stamp_ns, f.sequence, f.status, f.map_id, f.keyframe, f.zoom,
+                      f.camera.width, f.camera.height, f.camera.fx, f.camera.fy, f.camera.cx,
+                      f.camera.cy, f.map_start.stamp_ns, f.map_start.rotation_sigma,
+                      f.features.size());
   };
   EXPECT_EQ(values(back), values(frame));
   EXPECT_TRUE(isSameCamera(back.camera, frame.camera));
@@ -107,6 +109,8 @@ TEST(VoFrameMsg, RefusesInvalidMessagesAndNamesFieldAndLimit) {
       {[](VoFrameMsg* m) { m->v[2] = 2e9f; }, "2e+09), which is not finite or beyond 1e+09"},
       {[](VoFrameMsg* m) { m->fx = 0; }, "camera fx [px] is 0"},
       {[](VoFrameMsg* m) { m->k1_sigma = -1; }, "camera k1_sigma is -1"},
+      {[](VoFrameMsg* m) { m->zoom = -1; }, "zoom is -1"},
+      {[](VoFrameMsg* m) { m->zoom = kNanF; }, "zoom is nan"},
       {[](VoFrameMsg* m) { m->status = 3; }, "status is 3, it must lie in [0, 2]"},
       {[](VoFrameMsg* m) { m->pose.position.x = kInfinity; }, "the position (inf, "},
       {[](VoFrameMsg* m) { m->pose.orientation = geometry_msgs::Quaternion(); },
@@ -199,8 +203,8 @@ TEST(ScaleEstimateMsg, RoundTripIsExact) {
   EXPECT_EQ(fromMsg(*msg).n_c, scale.n_c);
   msg->source = 4;
   expectThrows<DataError>([&] { fromMsg(*msg); }, "source is 4, it must lie in [0, 3]");
-  msg->reason = 9;
-  expectThrows<DataError>([&] { fromMsg(*msg); }, "reason is 9, it must lie in [0, 8]");
+  msg->reason = 10;
+  expectThrows<DataError>([&] { fromMsg(*msg); }, "reason is 10, it must lie in [0, 9]");
   msg->status = 3;
   expectThrows<DataError>([&] { fromMsg(*msg); }, "status is 3, it must lie in [0, 2]");
 }
@@ -218,12 +222,14 @@ TEST(Messages, ConstantsAreTheEnumerators) {
             codes(VoStatus::kInitialising, VoStatus::kTracking, VoStatus::kLost));
   EXPECT_EQ(codes(Scale::UNKNOWN, Scale::OK, Scale::HELD),
             codes(ScaleStatus::kUnknown, ScaleStatus::kOk, ScaleStatus::kHeld));
-  EXPECT_EQ(codes(Scale::MEASURED, Scale::VO_NOT_TRACKING, Scale::STANDSTILL,
-                  Scale::TOO_FEW_TRIANGLES, Scale::TOO_FEW_GROUND_POINTS, Scale::NO_PLANE,
-                  Scale::PLANE_TILTED, Scale::REJECTED_BY_FILTER, Scale::IMPLAUSIBLE_MOTION),
-            codes(Reason::kMeasured, Reason::kVoNotTracking, Reason::kStandstill,
-                  Reason::kTooFewTriangles, Reason::kTooFewGroundPoints, Reason::kNoPlane,
-                  Reason::kPlaneTilted, Reason::kRejectedByFilter, Reason::kImplausibleMotion));
+  EXPECT_EQ(
+      codes(Scale::MEASURED, Scale::VO_NOT_TRACKING, Scale::STANDSTILL, Scale::TOO_FEW_TRIANGLES,
+            Scale::TOO_FEW_GROUND_POINTS, Scale::NO_PLANE, Scale::PLANE_TILTED,
+            Scale::REJECTED_BY_FILTER, Scale::IMPLAUSIBLE_MOTION, Scale::ZOOMED),
+      codes(Reason::kMeasured, Reason::kVoNotTracking, Reason::kStandstill,
+            Reason::kTooFewTriangles, Reason::kTooFewGroundPoints, Reason::kNoPlane,
+            Reason::kPlaneTilted, Reason::kRejectedByFilter, Reason::kImplausibleMotion,
+            Reason::kZoomed));
   EXPECT_EQ(codes(Scale::SOURCE_NONE, Scale::SOURCE_ROAD, Scale::SOURCE_SPEED, Scale::SOURCE_BOTH),
             codes(ScaleSource::kNone, ScaleSource::kRoad, ScaleSource::kSpeed, ScaleSource::kBoth));
 }

@@ -213,6 +213,29 @@ TEST(ScaleRecovery, TheMotionDuringTheInitialisationCountsAsTravelled) {
   }
 }
 
+TEST(ScaleRecovery, WhileTheCameraIsZoomedThereIsNoScale) {
+  const RoadScene scene = pitchedRoad();
+  ScaleRecovery recovery(recoveryOptions());
+  ASSERT_TRUE(run(&recovery, scene, 40).pose);
+  for (std::uint32_t i = 40; i < 90; ++i) {
+    SCOPED_TRACE(i);
+    VoFrame frame = scene.frame(i);
+    const bool is_zoomed = i < 60;
+    frame.zoom = is_zoomed ? 1.2 : 1;
+    frame.map_id = is_zoomed ? 1 : 2;
+    if (i == 40 || i == 60) frame.continuity = Continuity::kNewMap;
+    const ScaleRecovery::Output output = recovery.process(frame);
+    EXPECT_EQ(output.scale.measurement == MeasurementStatus::kZoomed, is_zoomed);
+    if (is_zoomed) {
+      EXPECT_EQ(output.scale.status, ScaleStatus::kUnknown);
+      EXPECT_FALSE(output.pose);
+    } else if (i > 65) {
+      ASSERT_TRUE(output.pose);
+      EXPECT_NEAR(output.scale.scale, kTrueScale, 0.02 * kTrueScale);
+    }
+  }
+}
+
 // The highest speed is 100 m/s, over at least 0.2 s.
 TEST(ScaleRecovery, AJumpOfThePoseIsRefusedButNotALongStepInALongTime) {
   struct Case {

@@ -400,6 +400,33 @@ TEST(VisualOdometry, AJumpToAnotherPlaceStartsANewMap) {
 
 // At one place of a straight road, the camera turns to the left by 11 degrees from image to image.
 // Soon no map point is in the view, so there is no pose; but each image matches the one before it.
+/// The image with another focal length.
+cv::Mat zoomed(const cv::Mat& image, const PinholeCamera& camera, double zoom) {
+  const cv::Matx23d A(zoom, 0, (1 - zoom) * camera.cx, 0, zoom, (1 - zoom) * camera.cy);
+  cv::Mat result;
+  cv::warpAffine(image, result, A, image.size(), cv::INTER_LINEAR, cv::BORDER_REFLECT);
+  return result;
+}
+
+TEST(VisualOdometry, AZoomStartsANewMapAndIsMeasured) {
+  constexpr std::size_t kFirst = 25, kBack = 40, kImages = 55;
+  const PinholeCamera camera = sharedDrive().camera();
+  for (const double zoom : {1.05, 1.2, 1.5, 0.8}) {
+    SCOPED_TRACE(zoom);
+    std::vector<cv::Mat> images = sharedImages(kImages);
+    for (std::size_t i = kFirst; i < kBack; ++i) images[i] = zoomed(images[i], camera, zoom);
+    const DriveRun zooming = run(camera, images);
+    zooming.expectTracked(10, kFirst);
+    zooming.expectTracked(zooming.firstTracked(kFirst), kBack, 1);
+    EXPECT_LT(zooming.firstTracked(kFirst), kFirst + 6);
+    EXPECT_EQ(zooming.frame(kFirst - 1).zoom, 1);
+    EXPECT_NEAR(zooming.frame(kFirst).zoom, zoom, 0.01 * zoom);
+    EXPECT_NEAR(zooming.frame(kBack - 1).zoom, zoom, 0.01 * zoom);
+    zooming.expectTracked(zooming.firstTracked(kBack), kImages, 2);
+    EXPECT_EQ(zooming.frame(kImages - 1).zoom, 1) << "the lens has returned";
+  }
+}
+
 TEST(VisualOdometry, ATurnOverLostImagesIsKnown) {
   constexpr double kYaw = 0.2;  // of one turn
   constexpr std::size_t kPlace = 15, kFrames = 32;

@@ -21,8 +21,9 @@ enum class MeasurementStatus : std::uint8_t {
   kTooFewGroundPoints = 4,
   kNoPlane = 5,      ///< no plane fits, or its height is too uncertain
   kPlaneTilted = 6,  ///< its normal deviates too much from that predicted from mounting and motion
-  kRejectedByFilter = 7,  ///< measured, but outside the filter's gate
-  kImplausibleMotion = 8  ///< the pose implies a speed above 100 m/s: it is not used
+  kRejectedByFilter = 7,   ///< measured, but outside the filter's gate
+  kImplausibleMotion = 8,  ///< the pose implies a speed above 100 m/s: it is not used
+  kZoomed = 9              ///< the focal length has changed: there is no scale
 };
 
 /// What the scale of a frame was measured with, in this frame or shortly before.

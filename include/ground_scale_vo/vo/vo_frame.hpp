@@ -79,6 +79,9 @@ struct VoFrame {
   Continuity continuity = Continuity::kSameMap;  ///< of a lost frame kNewTrajectory or not used
   bool keyframe = false;
   PinholeCamera camera;
+  /// Factor by which the focal length of the images has changed since the start: with another one
+  /// than 1 the camera is not that of its calibration, and lengths cannot be metric.
+  double zoom = 1;
   /// Pose in the map's world frame, whose origin is the map's first frame (camera axes).
   /// VO units. Valid only while status is kTracking.
   Eigen::Isometry3d T_w_c = Eigen::Isometry3d::Identity();

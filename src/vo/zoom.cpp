@@ -1,0 +1,58 @@
+#include "vo/zoom.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <opencv2/calib3d.hpp>
+#include <opencv2/core.hpp>
+
+#include "ground_scale_vo/common/math.hpp"
+#include "vo/feature.hpp"
+
+namespace gsv {
+namespace {
+
+/// Of the points that agree with one scaling: their number, their share, and the part of the image
+/// width over which they spread.
+constexpr int kMinPoints = 25;
+constexpr double kMinShare = 0.25, kMinSpread = 0.3;
+constexpr double kTolerance = 0.004;  ///< [image widths] of such a point
+/// A smaller factor may be an error of the predicted motion.
+constexpr double kMinZoom = 1.03, kMaxZoom = 3;
+/// The prediction may be wrong by this rotation [rad] and shift of the centre [image widths].
+constexpr double kMaxRoll = 0.05, kMaxShift = 0.08;
+
+}  // namespace
+
+std::optional<double> zoomBetween(const PinholeCamera& camera,
+                                  const std::vector<Eigen::Vector2d>& predicted,
+                                  const std::vector<Eigen::Vector2d>& seen) {
+  std::vector<cv::Point2f> from, to;
+  for (std::size_t i = 0; i < predicted.size(); ++i) {  // from the centre, in image widths
+    const Eigen::Vector2d centre(camera.cx, camera.cy);
+    from.push_back(toCv((predicted[i] - centre) / camera.width));
+    to.push_back(toCv((seen[i] - centre) / camera.width));
+  }
+  if (from.size() < static_cast<std::size_t>(kMinPoints)) return std::nullopt;
+  cv::Mat agrees;
+  const cv::Mat A = cv::estimateAffinePartial2D(from, to, agrees, cv::RANSAC, kTolerance);
+  if (A.empty()) return std::nullopt;
+  const double a = A.at<double>(0, 0), b = A.at<double>(1, 0);
+  const double zoom = std::hypot(a, b);
+  const double shift = std::hypot(A.at<double>(0, 2), A.at<double>(1, 2));
+  int points = 0;
+  float left = 1, right = -1;
+  for (std::size_t i = 0; i < from.size(); ++i) {
+    if (agrees.at<uchar>(static_cast<int>(i)) == 0) continue;
+    ++points;
+    left = std::min(left, from[i].x);
+    right = std::max(right, from[i].x);
+  }
+  const double factor = std::max(zoom, 1 / zoom);
+  const bool is_certain = points >= kMinPoints &&
+                          points >= kMinShare * static_cast<double>(from.size()) &&
+                          right - left >= kMinSpread && std::abs(std::atan2(b, a)) <= kMaxRoll &&
+                          shift <= kMaxShift && factor >= kMinZoom && factor <= kMaxZoom;
+  return is_certain ? std::optional(zoom) : std::nullopt;
+}
+
+}  // namespace gsv

@@ -5,7 +5,7 @@ import functools
 import pathlib
 import sys
 
-from . import _core, bags, calibration
+from . import _core, bags, calibration, many
 from .odometry import DataError, _open_reader
 
 
@@ -49,7 +49,11 @@ def add_calibration(command):
 
 
 def add_run(command):
-    command.add_argument("input", **INPUT)
+    command.add_argument("inputs", nargs="+", **INPUT)
+    command.add_argument("--jobs", type=int, default=1, metavar="N",
+                         help="so many drives at a time; finished ones are not repeated. Several drives need the Python "
+                         "module distributed")
+    command.add_argument("--scheduler", metavar="ADDRESS", help="the drives are tasks of this Dask cluster: tcp://HOST:8786")
     add_calibration(command)
     command.add_argument("--refine-camera", action="store_true",
                          help="the default: estimate the lens error that the calibration has left while driving. "
@@ -155,6 +159,15 @@ def write_page(folder, open_reader):
 
 
 def run(arguments):
+    if arguments.jobs < 1:
+        raise ValueError("--jobs must be at least 1")
+    if len(arguments.inputs) > 1 or arguments.scheduler:
+        return many.run(arguments)
+    arguments.input = arguments.inputs[0]
+    return run_drive(arguments)
+
+
+def run_drive(arguments):
     name = _core.result_name(str(arguments.input))
     folder = arguments.out / name
     if folder.resolve() == arguments.input.resolve():
@@ -214,10 +227,15 @@ def calibrate_height(arguments):
 
 def main():
     arguments = parse(sys.argv[1:])
+    return execute(globals()[arguments.command], arguments)
+
+
+def execute(command, arguments):
+    """The exit status."""
     try:
         if getattr(arguments, "options", None):
             arguments.set = _core.read_options(str(arguments.options)) + arguments.set
-        return globals()[arguments.command](arguments)
+        return command(arguments)
     except (ValueError, OSError) as error:
         print(f"ground_scale_vo: {error}", file=sys.stderr)
         return 1 if isinstance(error, (DataError, OSError)) else 2

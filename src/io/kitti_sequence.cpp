@@ -220,7 +220,7 @@ void KittiSequence::readGroundTruth(const fs::path& folder) {
     // The readings may have another rate than the images.
     if (const fs::path times = poses / "timestamps.txt"; is_raw && all.size() != size()) {
       lines = gsv::isThere(times) && !stamps_ns_.empty() ? nearest(readStamps(times), stamps_ns_)
-                                                    : std::nullopt;
+                                                         : std::nullopt;
     }
     ground_truth_ = selected(all, lines, poses, size());
     const Eigen::Isometry3d T_first_w = ground_truth_.front().inverse();

@@ -35,8 +35,8 @@ class LensEstimator {
     double prior_centre_sigma_px = 3;
     int min_observations = 4;
     int tracks_per_cell = 1;
-    /// [focal lengths] Largest standard deviation of the principal point, from the drive alone, with
-    /// which the lens is observable: a straight drive leaves it unknown.
+    /// [focal lengths] Largest standard deviation of the principal point, from the drive alone,
+    /// with which the lens is observable: a straight drive leaves it unknown.
     double max_centre_sigma = 0.004;
     template <typename Self, typename Visit>
     static void visitParameters(Self& self, Visit&& visit) {

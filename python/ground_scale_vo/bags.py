@@ -3,12 +3,9 @@
 import re
 from typing import Any, Iterator, List, Optional, Tuple
 
-import numpy as np
-
 from . import _core
 from ._core import DataError
 
-DEFAULT_FIX_SIGMA = 2.5  # [m] of a fix relative to its neighbours, where the receiver states none
 _IMAGE_TYPES = ("sensor_msgs/Image", "sensor_msgs/CompressedImage")
 _SPEED_TYPES = ("nav_msgs/Odometry", "geometry_msgs/TwistStamped", "geometry_msgs/TwistWithCovarianceStamped")
 _NUMBER_TYPES = ("std_msgs/Float32", "std_msgs/Float64")  # without stamp and unit
@@ -32,32 +29,15 @@ def open_bag(file: str, topic: Optional[str], info: Optional[str], rectified: bo
                                _fields(bag, file, *infos) if infos else (), rectified, camera, fov, mask, fps)
 
 
-def fixes(file: str, topic: str) -> Tuple[np.ndarray, np.ndarray, float]:
-    """The fixes of sensor_msgs/NavSatFix: stamps [s], positions east, north, up of the first one [m], and the median standard
-    deviation of a fix [m]. Raises DataError."""
+def fix_messages(file: str, topic: Optional[str]) -> Iterator[Any]:
+    """The messages sensor_msgs/NavSatFix of a topic; None: the bag has one. Raises DataError."""
     bag, topics = _open(file)
-    names = [name for name, info in topics.items() if _bare(name) == _bare(topic) and info.msg_type == "sensor_msgs/NavSatFix"]
-    if not names:
-        raise DataError(f"{file}: has no fixes on {topic}; it holds {', '.join(sorted(topics)) or 'nothing'}")
-    messages = [message for name in names for message in _messages(bag, file, name)]
-    rows = []
-    for fix in messages:
-        row = (fix.header.stamp.to_sec(), np.radians(fix.latitude), np.radians(fix.longitude),
-               fix.altitude if np.isfinite(fix.altitude) else 0.0)
-        if fix.status.status >= 0 and np.isfinite(row).all() and (not rows or row[0] > rows[-1][0]):
-            variance = (fix.position_covariance[0] + fix.position_covariance[4]) / 2
-            is_known = fix.position_covariance_type != 0 and variance > 0
-            rows.append((*row, np.sqrt(variance) if is_known else DEFAULT_FIX_SIGMA))
-    if not rows:
-        raise DataError(f"none of the {len(messages)} fixes on {topic} has a position")
-    stamps, latitude, longitude, altitude, sigma = np.array(rows).T
-    # Radii of curvature of the WGS 84 ellipsoid at the first fix.
-    flattened = 1 - 6.69437999014e-3 * np.sin(latitude[0])**2
-    east_radius = 6378137.0 / np.sqrt(flattened)
-    north_radius = east_radius * (1 - 6.69437999014e-3) / flattened
-    east = (east_radius + altitude[0]) * np.cos(latitude[0]) * (longitude - longitude[0])
-    north = (north_radius + altitude[0]) * (latitude - latitude[0])
-    return stamps, np.stack([east, north, altitude - altitude[0]], -1), float(np.median(sigma))
+    names = [name for name, info in topics.items() if info.msg_type == "sensor_msgs/NavSatFix"
+             and (topic is None or _bare(name) == _bare(topic))]
+    if not names or (topic is None and len(names) > 1):
+        raise DataError(f"{file}: has no fixes on {topic}; it holds {', '.join(sorted(topics)) or 'nothing'}" if topic else
+                        f"{file}: of its topics one must have fixes, not {', '.join(names) or 'none'}")
+    return (message for name in names for message in _messages(bag, file, name))
 
 
 def speeds(file: str, topic: str, unit: str) -> Tuple[List[_core.SpeedSample], str]:

@@ -3,11 +3,11 @@
 import pathlib
 import sys
 import tempfile
-from typing import Any, Callable, NamedTuple, Tuple
+from typing import Any, Callable, NamedTuple, Optional
 
 import numpy as np
 
-from . import _core
+from . import _core, gps
 from .odometry import DataError
 
 # Lengths are in camera heights: the odometry runs with a height of 1 m, and all its lengths are proportional to it.
@@ -25,9 +25,9 @@ class Estimate(NamedTuple):
     error95: float  # half width of the 95 % interval
 
 
-class Track:
-    """The odometry's result for a part of a drive, from its files. stamp [s]; p: N x 3 positions [camera heights];
-    normal: N x 3, of the road in camera axes; section: grows where the path is interrupted, -1 without a metric pose."""
+class Track(gps.Path):
+    """The odometry's result for a part of a drive, from its files. p: [camera heights]; normal: N x 3, of the road in camera
+    axes; section: -1 without a metric pose."""
 
     def __init__(self, folder: pathlib.Path, start_s: float, end_s: float) -> None:
         table = np.atleast_1d(np.genfromtxt(folder / "scale.csv", delimiter=",", names=True, dtype=None, encoding="ascii"))
@@ -37,8 +37,7 @@ class Track:
         if not part.any():
             raise DataError("the drive has no image between --from and --to")
         table = table[part]
-        self.stamp = table["stamp"]
-        self.p = np.loadtxt(folder / "poses.txt", ndmin=2)[part].reshape(-1, 3, 4)[:, :, 3]
+        p = np.loadtxt(folder / "poses.txt", ndmin=2)[part].reshape(-1, 3, 4)[:, :, 3]
         self.normal = np.stack([table[name] for name in ("nx", "ny", "nz")], -1)
         self.relative_sigma = table["sigma"] / np.maximum(table["scale"], 1e-300)
         self.is_measured = table["status"] == "ok"
@@ -46,16 +45,9 @@ class Track:
         self.is_backfilled = table["backfilled"] == 1
         is_metric = (table["vo_status"] == "tracking") & (table["status"] != "unknown") & ~self.is_backfilled
         is_new = np.append(True, (is_metric[1:] != is_metric[:-1]) | (table["map_id"][1:] != table["map_id"][:-1]))
-        self.section = np.where(is_metric, np.cumsum(is_new), -1)
+        super().__init__(table["stamp"], p, np.where(is_metric, np.cumsum(is_new), -1))
         if not is_metric.any():
             raise DataError("no frame got a scale")
-
-    def at(self, stamps: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
-        """The positions at these stamps, linear between two frames of a section, and the sections; -1: none."""
-        after = np.clip(np.searchsorted(self.stamp, stamps), 1, len(self.stamp) - 1)
-        sections = np.where(self.section[after] == self.section[after - 1], self.section[after], -1)
-        sections[(stamps < self.stamp[0]) | (stamps > self.stamp[-1])] = -1
-        return np.stack([np.interp(stamps, self.stamp, axis) for axis in self.p.T], -1), sections
 
 
 def mean_of(values: np.ndarray, weights: np.ndarray) -> Estimate:
@@ -139,26 +131,57 @@ def mounting_text(track: Track, height: float) -> str:
     return str(_core.mounting_comments(height, *pitch, *roll))
 
 
-def read_trajectory(file: pathlib.Path, image_stamps: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
-    """Stamps [s] and positions [m] of a file of TUM, or of KITTI with a line for each image."""
+class Positions(NamedTuple):
+    """Of a point of the vehicle, along the drive. stamp: None: of the images."""
+
+    name: str
+    stamp: Optional[np.ndarray]
+    p: np.ndarray  # N x 3 [m]
+    sigma: float  # of a position relative to its neighbours [m]
+
+
+def read_trajectory(file: pathlib.Path, images: int) -> Positions:
+    """A file of TUM, or of KITTI with a line for each image."""
     try:
         rows = np.loadtxt(file, ndmin=2)
     except (OSError, ValueError) as error:
         raise DataError(f"{file}: cannot be read ({error})") from None
-    if rows.shape[1] == 12 and len(rows) != len(image_stamps):
-        raise DataError(f"{file}: has {len(rows)} poses without stamps for {len(image_stamps)} images")
     if rows.shape[1] not in (8, 12) or not np.isfinite(rows).all():
         raise DataError(f"{file}: its lines are not 8 (TUM) or 12 (KITTI) finite numbers")
-    stamps, positions = (rows[:, 0], rows[:, 1:4]) if rows.shape[1] == 8 else (image_stamps, rows[:, 3::4])
-    if not (np.diff(stamps) > 0).all():
+    if rows.shape[1] == 12 and len(rows) != images:
+        raise DataError(f"{file}: has {len(rows)} poses without stamps for {images} images")
+    if rows.shape[1] == 12:
+        return Positions(f"trajectory {file}", None, rows[:, 3::4], 0.0)
+    if not (np.diff(rows[:, 0]) > 0).all():
         raise DataError(f"{file}: its stamps do not increase")
-    return stamps, positions
+    return Positions(f"trajectory {file}", rows[:, 0], rows[:, 1:4], 0.0)
 
 
-def estimate_height(open_reader: Callable[[], Any], name: str, arguments: Any,
-                    fixes: Callable[[], Tuple[np.ndarray, np.ndarray, float]]) -> None:
-    """Runs the odometry over the drive and writes arguments.out. open_reader(): its images; fixes(): stamps, positions and sigma of --gps."""
+def read_fixes(source: str, drive: str) -> Positions:
+    fixes = gps.read(source, drive)
+    print(fixes)
+    return Positions(fixes.name, fixes.stamp, fixes.positions(), float(np.median(fixes.sigma_h)))
+
+
+def height_by_clock(track: Track, known: Positions, offset: float) -> Estimate:
+    """height_from_positions(); offset: to add to the stamps [s], of which the speeds may show a rest."""
+    if known.stamp is None:
+        return height_from_positions(track, track.image_stamps, known.p, known.sigma)
+    stamps = known.stamp + offset
+    gap = max(2.0, 3 * float(np.median(np.diff(stamps)))) if len(stamps) > 1 else 0.0
+    path = gps.Path(stamps, known.p, np.append(0, np.cumsum(np.diff(stamps) > gap)))
+    return height_from_positions(track, gps.clock_checked(track, path, known.sigma, known.name, offset), known.p, known.sigma)
+
+
+def estimate_height(open_reader: Callable[[], Any], name: str, drive: str, arguments: Any) -> None:
+    """Runs the odometry over the drive and writes arguments.out. open_reader(): its images."""
     _core.require_new_file(str(arguments.out), arguments.force)
+    images = open_reader().count
+    known = None
+    if arguments.gps:
+        known = read_fixes(arguments.gps, drive)
+    elif arguments.trajectory:
+        known = read_trajectory(arguments.trajectory, images)
     with tempfile.TemporaryDirectory() as work:
         result = _core.run(open_reader, name, 1.0, ["camera_height_sigma=0", *arguments.set], "", work, False, False, False)
         for sentence in result["warnings"]:
@@ -168,15 +191,11 @@ def estimate_height(open_reader: Callable[[], Any], name: str, arguments: Any,
         if result["failure"] and is_whole:
             raise DataError(result["failure"])
         track = Track(pathlib.Path(work), arguments.start, arguments.end)
-    if arguments.length:
+    if known:
+        source, height = f"the {known.name}", height_by_clock(track, known, arguments.gps_offset)
+    else:
         source = f"a drive of {arguments.length:g} m, known to {arguments.length_sigma:g} m"
         height = height_from_length(track, arguments.length, arguments.length_sigma)
-    elif arguments.gps:
-        source = f"the fixes on {arguments.gps}"
-        height = height_from_positions(track, *fixes())
-    else:
-        source = f"the trajectory {arguments.trajectory}"
-        height = height_from_positions(track, *read_trajectory(arguments.trajectory, track.image_stamps), 0.0)
     height = Estimate(height.value, float(np.hypot(height.error95, 1.96 * METHOD_SIGMA * height.value)))
     error = height.error95 / height.value
     if error > MAX_ERROR:

@@ -94,7 +94,11 @@ def add_calibrate_height(command):
     command.add_argument("--length", type=float, metavar="M",
                          help="odometer reading between the first image and the last [m], and")
     command.add_argument("--length-sigma", type=float, metavar="M", help="its standard deviation [m]")
-    command.add_argument("--gps", metavar="TOPIC", help="fixes in the bag (sensor_msgs/NavSatFix)")
+    command.add_argument("--gps", metavar="FILE|TOPIC",
+                         help="fixes: a GPX or NMEA file, CSV with the columns stamp, latitude, longitude, a topic of the bag "
+                         "(sensor_msgs/NavSatFix), or FILE.bag:TOPIC")
+    command.add_argument("--gps-offset", type=finite, default=0.0, metavar="S",
+                         help="is added to the stamps of the fixes or the trajectory [s], whose clock is another one")
     command.add_argument("--trajectory", type=pathlib.Path, metavar="FILE",
                          help="positions of a point fixed to the vehicle, in any frame: TUM (stamp x y z qx qy qz qw), or "
                          "KITTI poses, a line for each image")
@@ -130,6 +134,13 @@ def rate(text):
     value = float(text)
     if not 0 < value <= 1000:
         raise argparse.ArgumentTypeError(f"{text} is not a rate in (0, 1000] Hz")
+    return value
+
+
+def finite(text):
+    value = float(text)
+    if not abs(value) < float("inf"):
+        raise argparse.ArgumentTypeError(f"{text} is not a finite number")
     return value
 
 
@@ -220,8 +231,7 @@ def calibrate_height(arguments):
     if not arguments.end > arguments.start:
         raise ValueError("--to must be greater than --from")
     drive = str(arguments.input)
-    calibration.estimate_height(opener(drive, arguments), _core.result_name(drive), arguments,
-                                lambda: bags.fixes(drive, arguments.gps))
+    calibration.estimate_height(opener(drive, arguments), _core.result_name(drive), drive, arguments)
     return 0
 
 

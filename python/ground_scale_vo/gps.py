@@ -237,7 +237,8 @@ def _fixes(name: str, rows: Iterable[_Row]) -> Fixes:
     if len(table):
         keep(_consistent(table[:, 0], ecef(*table[:, 1:4].T)), "far from the others")
     if not len(table):
-        raise DataError(f"none of the {sum(left_out.values())} {name} has a position: {_counts(left_out) or 'there are none'}")
+        raise DataError(f"{name}: none can be used, of {sum(left_out.values())} are {_counts(left_out)}" if sum(left_out.values())
+                        else f"{name}: there are none")
     sigmas = np.where(table[:, 4:6] >= LEAST_SIGMA, table[:, 4:6], [DEFAULT_SIGMA, 2 * DEFAULT_SIGMA])
     return Fixes(name, *table[:, :4].T, *sigmas.T, left_out)
 

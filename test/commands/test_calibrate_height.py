@@ -6,6 +6,7 @@ import shutil
 import bags
 import numpy as np
 import pytest
+import rosbag
 from bags import IMAGE, INFO, RAW_IMAGE
 from conftest import SCRIPTS, assert_refused, poses_of, run, write_camera
 from sensor_msgs.msg import NavSatStatus
@@ -81,10 +82,33 @@ def test_rectified_images_without_the_option(low_bag, height_file):
     assert not height_file.exists()
 
 
+def test_fixes_of_a_file(low, low_bag, height_file):
+    """The first fix is none, and the clock another one, which so short a drive does not determine."""
+    fixes = height_file.with_name("track.csv")
+    with rosbag.Bag(str(low_bag)) as bag:
+        rows = [(fix.header.stamp.to_sec() + 18, fix.latitude, fix.longitude, fix.altitude, 0.02)
+                for _, fix, _ in bag.read_messages("/fix")]
+    rows[0] = (rows[0][0], 0, 0, 0, 0.02)
+    fixes.write_text("stamp,latitude,longitude,altitude,sigma\n" + "".join(",".join(map(repr, row)) + "\n" for row in rows))
+    shift = rows[0][0] - np.loadtxt(low / "times.txt")[0]
+    command = (CALIBRATE, low, "--gps", fixes, "--out", height_file)
+    assert_refused(1, "do not overlap the images'", *command)
+    done = run(*command, f"--gps-offset={-shift:.6f}")
+    assert "59 are used, left out are 1 at 0, 0" in done.stdout
+    assert_height(height_file)
+
+
+def test_fixes_are_read_before_the_drive(low, low_bag, tmp_path):
+    for drive, fixes, text in ((low, "track.gpx", "track.gpx: No such file"), (low, "/fix", "FILE.bag:TOPIC"),
+                               (low, f"{low_bag}:/gps", "has no fixes on /gps; it holds")):
+        done = run(CALIBRATE, drive, "--gps", fixes, check=False, cwd=tmp_path)
+        assert (done.returncode, done.stdout) == (1, "") and text in done.stderr, done
+
+
 @pytest.mark.parametrize("change, text", [
     # With a standard deviation of 1 m a segment is 40 m long.
     ({"position_covariance": [1, 0, 0, 0, 1, 0, 0, 0, 4]}, "1 segments of the drive can be compared, 4 are"),
-    ({"status": NavSatStatus(status=-1)}, "none of the 60 fixes on /fix has a position"),
+    ({"status": NavSatStatus(status=-1)}, "fixes on /fix: none can be used, of 60 are 60 without a fix"),
 ])
 def test_unusable_fixes(low_bag, height_file, change, text):
     def changed(name, message):

@@ -183,7 +183,7 @@ def estimate_height(open_reader: Callable[[], Any], name: str, drive: str, argum
     elif arguments.trajectory:
         known = read_trajectory(arguments.trajectory, images)
     with tempfile.TemporaryDirectory() as work:
-        result = _core.run(open_reader, name, 1.0, ["camera_height_sigma=0", *arguments.set], "", work, False, False, False)
+        result = _core.run(open_reader, name, 1.0, ["camera_height_sigma=0", *arguments.set], [], 0.0, work, False, False, False)
         for sentence in result["warnings"]:
             print(f"{name}: {sentence}", file=sys.stderr)
         print(f"{name}, in camera heights instead of metres: {result['summary']}")

@@ -72,7 +72,8 @@ def _raw_layout(topic, message):
     if topic == IMAGE:
         return RAW_IMAGE, message
     if topic == INFO:  # K and D of the raw camera; P of the images
-        message.K = [1.4 * value for value in message.P[:3] + message.P[4:7]] + [0, 0, 1]
+        fx, _, cx, _, _, fy, cy = message.P[:7]
+        message.K = [1.4 * fx, 0, cx, 0, 1.4 * fy, cy, 0, 0, 1]
         message.D = [-0.37, 0.2, 0.001, 0.001, -0.07]
         message.distortion_model = "plumb_bob"
     elif topic == "/tf":

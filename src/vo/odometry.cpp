@@ -314,28 +314,26 @@ void VisualOdometry::Impl::rejectOutliers(const Eigen::Isometry3d& T_c_previous,
 /// pose was found. By tracking without a prediction, or for a large factor by descriptors.
 std::optional<double> VisualOdometry::Impl::zoomOf(const Frame& frame) const {
   const std::vector<Feature>& features = tracking_.features();
-  const auto predicted = predictPixels(camera_, mapping_.map(), features, motion_.T_w_c(),
-                                       motion_.predict(frame.stamp_ns));
-  std::vector<Eigen::Vector2d> from, to;
-  const auto add = [&](const cv::Point2f& u, const cv::Point2f& v) {
-    from.emplace_back(u.x, u.y);
-    to.emplace_back(v.x, v.y);
+  const Eigen::Isometry3d T_c_w = motion_.predict(frame.stamp_ns).inverse();
+  std::vector<PredictedPoint> points;
+  const auto add = [&](const Feature& feature, const Eigen::Vector2d& seen) {
+    const auto point = mapping_.map().point(feature.id);
+    const Eigen::Vector3d p_c =
+        point ? Eigen::Vector3d(T_c_w * point->p_w) : Eigen::Vector3d(0, 0, 0);
+    if (p_c.z() > 0) points.push_back({camera_.project(p_c), seen, p_c.z()});
   };
-  const auto found = tracking_.track(frame.image, frame.stamp_ns, {}, Eigen::Matrix3d::Identity());
-  std::size_t i = 0;
-  for (const Feature& feature : found) {
-    while (features[i].id != feature.id) ++i;
-    add(predicted[i], toCv(feature.u));
+  for (const Feature& feature :
+       tracking_.track(frame.image, frame.stamp_ns, {}, Eigen::Matrix3d::Identity())) {
+    add(feature, feature.u);
   }
-  if (const auto zoom = zoomBetween(camera_, from, to)) return zoom;
-  from.clear();
-  to.clear();
-  const Descriptors previous = tracking_.describeFeatures();
+  if (const auto zoom = zoomBetween(camera_, points)) return zoom;
+  points.clear();
   const Descriptors corners = tracking_.describeCorners(frame.image);
-  for (const DescriptorMatch& match : matchDescriptors(previous, corners)) {
-    add(predicted[match.from], corners.points()[match.to]);
+  for (const DescriptorMatch& match : matchDescriptors(tracking_.describeFeatures(), corners)) {
+    const cv::Point2f& u = corners.points()[match.to];
+    add(features[match.from], Eigen::Vector2d(u.x, u.y));
   }
-  return zoomBetween(camera_, from, to);
+  return zoomBetween(camera_, points);
 }
 
 /// The map ends: its points and this image have different focal lengths.

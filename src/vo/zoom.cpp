@@ -15,6 +15,8 @@ namespace {
 /// width over which they spread.
 constexpr int kMinPoints = 25;
 constexpr double kMinShare = 0.25, kMinSpread = 0.3;
+/// Ratio of their depths, of the upper and the lower fifth.
+constexpr double kMinDepthRatio = 2;
 constexpr double kTolerance = 0.004;  ///< [image widths] of such a point
 /// A smaller factor may be an error of the predicted motion.
 constexpr double kMinZoom = 1.03, kMaxZoom = 3;
@@ -24,13 +26,12 @@ constexpr double kMaxRoll = 0.05, kMaxShift = 0.08;
 }  // namespace
 
 std::optional<double> zoomBetween(const PinholeCamera& camera,
-                                  const std::vector<Eigen::Vector2d>& predicted,
-                                  const std::vector<Eigen::Vector2d>& seen) {
+                                  const std::vector<PredictedPoint>& points) {
   std::vector<cv::Point2f> from, to;
-  for (std::size_t i = 0; i < predicted.size(); ++i) {  // from the centre, in image widths
+  for (const PredictedPoint& point : points) {  // from the centre, in image widths
     const Eigen::Vector2d centre(camera.cx, camera.cy);
-    from.push_back(toCv((predicted[i] - centre) / camera.width));
-    to.push_back(toCv((seen[i] - centre) / camera.width));
+    from.push_back(toCv((point.predicted - centre) / camera.width));
+    to.push_back(toCv((point.seen - centre) / camera.width));
   }
   if (from.size() < static_cast<std::size_t>(kMinPoints)) return std::nullopt;
   cv::Mat agrees;
@@ -39,19 +40,23 @@ std::optional<double> zoomBetween(const PinholeCamera& camera,
   const double a = A.at<double>(0, 0), b = A.at<double>(1, 0);
   const double zoom = std::hypot(a, b);
   const double shift = std::hypot(A.at<double>(0, 2), A.at<double>(1, 2));
-  int points = 0;
+  std::vector<double> depths;
   float left = 1, right = -1;
   for (std::size_t i = 0; i < from.size(); ++i) {
     if (agrees.at<uchar>(static_cast<int>(i)) == 0) continue;
-    ++points;
+    depths.push_back(points[i].depth);
     left = std::min(left, from[i].x);
     right = std::max(right, from[i].x);
   }
+  if (depths.size() < static_cast<std::size_t>(kMinPoints)) return std::nullopt;
+  std::sort(depths.begin(), depths.end());
+  const double depth_ratio = depths[depths.size() * 4 / 5] / depths[depths.size() / 5];
   const double factor = std::max(zoom, 1 / zoom);
-  const bool is_certain = points >= kMinPoints &&
-                          points >= kMinShare * static_cast<double>(from.size()) &&
-                          right - left >= kMinSpread && std::abs(std::atan2(b, a)) <= kMaxRoll &&
-                          shift <= kMaxShift && factor >= kMinZoom && factor <= kMaxZoom;
+  const bool is_certain =
+      static_cast<double>(depths.size()) >= kMinShare * static_cast<double>(from.size()) &&
+      depth_ratio >= kMinDepthRatio && right - left >= kMinSpread &&
+      std::abs(std::atan2(b, a)) <= kMaxRoll && shift <= kMaxShift && factor >= kMinZoom &&
+      factor <= kMaxZoom;
   return is_certain ? std::optional(zoom) : std::nullopt;
 }
 

@@ -46,7 +46,7 @@ def test_a_failed_sequence_is_reported(shortest, tmp_path):
     (out / empty.name).mkdir(parents=True)
     (out / empty.name / "metrics.json").write_text("{}")
     done = run(EVALUATE, empty, drive, "--out", out, check=False)
-    assert done.returncode == 1 and "it's empty is no KITTI folder" in done.stderr
+    assert done.returncode == 1 and "it's empty does not contain its calibration" in done.stderr
     assert [line.split("  ")[0] for line in done.stdout.splitlines()[-2:]] == ["sequence", drive.name]
     assert not (out / empty.name / "metrics.json").exists()
 

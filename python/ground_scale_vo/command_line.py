@@ -16,7 +16,12 @@ def parse(arguments):
         "cannot be used.")
     parser.add_argument("--version", action="version", version=f"ground_scale_vo {_core.__version__}")
     commands = parser.add_subparsers(dest="command", required=True)
-    add_run(commands.add_parser("run", help="processes a drive and writes its trajectory and plots"))
+    add_run(commands.add_parser(
+        "run", help="processes a drive and writes its trajectory and plots",
+        description="Processes drives and writes their metric trajectories, tables, plots and a page, report.html, to "
+        "DIR/NAME/. Ground truth of a KITTI folder is compared with the result.",
+        epilog="Exit status: 0 the result is usable, 1 it is not, or not for the whole drive (the last line says why), 2 the "
+        "arguments cannot be used."))
     add_calibrate(commands.add_parser(
         "calibrate", help="estimates the lens of a camera from drives with turns",
         description="Estimates focal length, principal point and radial distortion of a camera from drives with "
@@ -33,7 +38,7 @@ def parse(arguments):
 
 
 INPUT = dict(type=pathlib.Path, metavar="FOLDER|VIDEO|BAG",
-             help="KITTI folder; folder of images with times.txt, a time in each line; video; bag (needs the Python "
+             help="KITTI folder; folder of images with times.txt, a time in each line [s, ms, us or ns]; video; bag (needs the Python "
              "module rosbag)")
 CAMERA = dict(type=pathlib.Path, metavar="FILE",
               help="calibration of the images as they come: YAML of ROS' camera_calibration or of calibrate, Kalibr "

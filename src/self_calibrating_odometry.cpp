@@ -173,18 +173,19 @@ SelfCalibratingOdometry::Output SelfCalibratingOdometry::process(const cv::Mat& 
     });
   }
   Output output = s.current->process(image, stamp_ns);
-  if (output.frame.zoom != 1) s.next.reset();  // no lens is that of the calibration
-  if (!s.options.refine_camera || output.frame.zoom != 1) return output;
+  if (!s.options.refine_camera) return output;
   for (const TrackedFeature& feature : output.frame.features) {
     s.first_unused_id = std::max(s.first_unused_id, feature.id + 1);
   }
-  if (!s.better_lens) {
+  // A zoomed camera is not the one whose lens is refined; warmUp() ends `next` with its map.
+  const bool is_zoomed = output.frame.zoom != 1;
+  if (!s.better_lens && !is_zoomed) {
     const Lens& in_use = s.current->lens().lens;
     s.better_lens = s.refinement.add(withDistortedFeatures(output.frame, in_use), in_use);
   }
   if (of_next.valid()) {
     s.warmUp(of_next.get(), &output);
-  } else if (s.better_lens) {
+  } else if (s.better_lens && !is_zoomed) {
     s.startNext(image, &output);
   }
   return output;

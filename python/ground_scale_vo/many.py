@@ -107,7 +107,8 @@ def run(arguments):
     except ImportError:
         raise ValueError("several drives need the Python module distributed (Debian: python3-distributed)") from None
     tasks = list(drives(arguments))
-    results = {task.name: task.finished() for task in tasks if task.finished()}
+    earlier = {task.name: task.finished() for task in tasks}
+    results = {name: result for name, result in earlier.items() if result}
     print(f"{len(results)} of {len(tasks)} drives are finished already", file=sys.stderr, flush=True)
     cluster = arguments.scheduler or distributed.LocalCluster(  # threads: each task waits for its own process
         n_workers=arguments.jobs, threads_per_worker=1, processes=False, dashboard_address=None)

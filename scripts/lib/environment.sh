@@ -50,7 +50,7 @@ gsv_builds_here() { [[ $gsv_space == "$gsv_build_folder/devel" ]]; }
 # catkin needs the system's Python, not one of pyenv or conda.
 PATH=/usr/bin:/bin:$PATH
 
-# Prints the folder of ROS 1 outside of Debian's packages, such as Noetic or ROS One, whose catkin tells it from ROS 2:
+# Prints the folder of ROS 1 outside of Debian's packages, such as Noetic or ROS One; ROS 2 has no catkin:
 # the sourced one, else noetic, else any other in /opt/ros.
 gsv_distribution() {
   local folder

@@ -5,16 +5,15 @@
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core.hpp>
 
-#include "ground_scale_vo/common/math.hpp"
 #include "vo/feature.hpp"
 
 namespace gsv {
 namespace {
 
-/// Of the points that agree with one scaling: their number, their share, and the part of the image
-/// width over which they spread.
+/// Of the points that agree with one scaling: their number, their share, and their extent in x
+/// [image widths].
 constexpr int kMinPoints = 25;
-constexpr double kMinShare = 0.25, kMinSpread = 0.3;
+constexpr double kMinShare = 0.25, kMinExtent = 0.3;
 /// Ratio of their depths, of the upper and the lower fifth.
 constexpr double kMinDepthRatio = 2;
 constexpr double kTolerance = 0.004;  ///< [image widths] of such a point
@@ -54,7 +53,7 @@ std::optional<double> zoomBetween(const PinholeCamera& camera,
   const double factor = std::max(zoom, 1 / zoom);
   const bool is_certain =
       static_cast<double>(depths.size()) >= kMinShare * static_cast<double>(from.size()) &&
-      depth_ratio >= kMinDepthRatio && right - left >= kMinSpread &&
+      depth_ratio >= kMinDepthRatio && right - left >= kMinExtent &&
       std::abs(std::atan2(b, a)) <= kMaxRoll && shift <= kMaxShift && factor >= kMinZoom &&
       factor <= kMaxZoom;
   return is_certain ? std::optional(zoom) : std::nullopt;

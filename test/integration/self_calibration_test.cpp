@@ -108,6 +108,39 @@ TEST_F(SelfCalibration, RefinesAFisheye) {
             0.4 * (lensOf(fisheye).project(x) - lens.project(x)).norm());
 }
 
+// The second odometry, which has the better lens, is prepared when the zoom ends its map.
+TEST_F(SelfCalibration, AZoomEndsThePreparationOfAnotherLens) {
+  constexpr std::size_t kZoomed = 10, kPrepared = 4;  // images
+  const SyntheticDrive drive(curves(130));
+  const Distortion distortion(drive.camera(), Lens{drive.camera(), 0.05, -0.01});
+  const CameraCalibration camera = withoutDistortion(drive.camera());
+  std::vector<cv::Mat> images;
+  for (std::size_t i = 0; i < drive.size(); ++i) images.push_back(distortion.image(drive.image(i)));
+  std::vector<std::size_t> changes;  // the images from which on another lens is used
+  std::vector<double> zooms;
+  const auto run = [&] {
+    changes.clear();
+    zooms.clear();
+    SelfCalibratingOdometry odometry(camera, optionsFor(drive.cameraHeight()).odometry);
+    for (std::size_t i = 0; i < images.size(); ++i) {
+      const VoFrame frame = odometry.process(images[i], drive.frame(i).stamp_ns).frame;
+      if (frame.continuity == Continuity::kOtherLens) changes.push_back(i);
+      zooms.push_back(frame.zoom);
+    }
+  };
+  run();
+  ASSERT_FALSE(changes.empty());
+  const std::size_t first = changes.front() - kPrepared;
+  for (std::size_t i = first; i < first + kZoomed; ++i) {
+    images[i] = zoomed(images[i], drive.camera(), 1.2);
+  }
+  run();
+  EXPECT_NEAR(zooms[first], 1.2, 0.02);
+  EXPECT_EQ(zooms.back(), 1);
+  ASSERT_FALSE(changes.empty());
+  EXPECT_GE(changes.front(), first + kZoomed);
+}
+
 TEST_F(SelfCalibration, KeepsAnExactLens) {
   const SyntheticDrive drive(curves(90));
   const auto fixed = run(drive, Lens{drive.camera()}, false);

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Geometry>
+#include <opencv2/imgproc.hpp>
 #include <vector>
 
 #include "ground_scale_vo/evaluation/run_record.hpp"
@@ -72,6 +73,14 @@ inline RunRecord runOffline(const SyntheticDrive& drive, const OfflineRun::Optio
 /// Distance between the positions of two poses.
 inline double distanceBetween(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) {
   return (b.translation() - a.translation()).norm();
+}
+
+/// The image with another focal length.
+inline cv::Mat zoomed(const cv::Mat& image, const PinholeCamera& camera, double zoom) {
+  const cv::Matx23d A(zoom, 0, (1 - zoom) * camera.cx, 0, zoom, (1 - zoom) * camera.cy);
+  cv::Mat result;
+  cv::warpAffine(image, result, A, image.size(), cv::INTER_LINEAR, cv::BORDER_REFLECT);
+  return result;
 }
 
 }  // namespace gsv

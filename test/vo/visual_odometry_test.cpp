@@ -400,14 +400,6 @@ TEST(VisualOdometry, AJumpToAnotherPlaceStartsANewMap) {
 
 // At one place of a straight road, the camera turns to the left by 11 degrees from image to image.
 // Soon no map point is in the view, so there is no pose; but each image matches the one before it.
-/// The image with another focal length.
-cv::Mat zoomed(const cv::Mat& image, const PinholeCamera& camera, double zoom) {
-  const cv::Matx23d A(zoom, 0, (1 - zoom) * camera.cx, 0, zoom, (1 - zoom) * camera.cy);
-  cv::Mat result;
-  cv::warpAffine(image, result, A, image.size(), cv::INTER_LINEAR, cv::BORDER_REFLECT);
-  return result;
-}
-
 TEST(VisualOdometry, AZoomStartsANewMapAndIsMeasured) {
   constexpr std::size_t kFirst = 25, kBack = 40, kImages = 55;
   const PinholeCamera camera = sharedDrive().camera();

@@ -93,8 +93,8 @@ class DriveReader {
   /// Every image of the source in order, also those that cannot be used. Empty after the last one.
   /// Throws DataError when the stamps of the first images are unusable.
   std::optional<Image> next();
-  /// The next one that can be used, for what knows one camera only: throws DataError when another
-  /// one follows.
+  /// The next one that can be used, for users of a single camera: throws DataError when another
+  /// camera follows.
   std::optional<Image> nextOfCamera();
 
   /// Some images of the drive as they come, instead of next(): those with these numbers (from 0,

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
+#include <limits>
 #include <memory>
 #include <opencv2/imgcodecs.hpp>
 #include <optional>
@@ -233,9 +234,20 @@ gsv::RepeatableDrive toDrive(const py::object& open, const std::string& name,
   };
 }
 
+/// N x 6 x 6: RunFrame::covariance; NaN without a metric pose.
+Reals covariancesOf(const std::vector<gsv::RunFrame>& frames) {
+  Reals array({static_cast<py::ssize_t>(frames.size()), py::ssize_t{6}, py::ssize_t{6}});
+  for (std::size_t i = 0; i < frames.size(); ++i) {
+    Eigen::Map<gsv::Matrix6d> row(array.mutable_data(static_cast<py::ssize_t>(i)));
+    row.setConstant(std::numeric_limits<double>::quiet_NaN());
+    if (frames[i].has_metric_pose) row = frames[i].covariance;
+  }
+  return array;
+}
+
 /// Runs the odometry over a drive, shows the progress and writes the results. open: () -> Reader.
 /// is_smooth: DriveRun::Options::smooth, with lensOfDrive(). is_rough: of lensOfDrive(). Returns
-/// warnings, summary, failure and exit status.
+/// the covariances of the poses, warnings, summary, failure and exit status.
 py::dict run(const py::object& open, const std::string& name, double camera_height,
              const std::vector<std::string>& settings, const std::vector<gsv::SpeedSample>& speeds,
              double speed_offset, const std::string& folder, bool is_smooth, bool is_rough,
@@ -260,6 +272,7 @@ py::dict run(const py::object& open, const std::string& name, double camera_heig
     gsv::writeRun(folder, result, camera_height, reader->truth);
   }
   py::dict report;
+  report["covariances"] = covariancesOf(result.record.frames());
   report["warnings"] = result.warnings;
   report["summary"] = result.summary();
   report["failure"] = result.failure;

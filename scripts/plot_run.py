@@ -1,6 +1,6 @@
 #!/usr/bin/python3
-"""Draws trajectory.png, scale.png and timing.png (with timing.csv) into the result folders of run_sequence
-and evaluate_bag."""
+"""Draws trajectory.png, scale.png, timing.png (with timing.csv) and track.png (with track.geojson) into result
+folders."""
 
 import argparse
 import json
@@ -11,11 +11,13 @@ import matplotlib
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402
+import matplotlib.patches  # noqa: E402
+import matplotlib.path  # noqa: E402
 import matplotlib.ticker  # noqa: E402
 import numpy as np  # noqa: E402
 
 GROUND_TRUTH, ESTIMATE, RAW, TARGET = "0.35", "tab:blue", "tab:green", "tab:red"
-PLOTS = ("trajectory", "scale", "timing")
+PLOTS = ("trajectory", "scale", "timing", "track")
 STATUS_COLOURS = {"ok": "tab:green", "held": "tab:orange", "unknown": "0.7", "lost": "tab:red"}
 SOURCE_COLOURS = {"road": "tab:cyan", "speed": "tab:purple", "road and speed": "tab:blue"}
 
@@ -28,6 +30,33 @@ def read_positions(file):
 def read_table(file):
     """Columns by name."""
     return np.atleast_1d(np.genfromtxt(file, delimiter=",", names=True, dtype=None, encoding="utf-8"))
+
+
+def read_map(folder):
+    """East and north [m] of what track.geojson holds, by name: track, fixes and outliers are N x 2, "95 % corridor" is a list of
+    rings. None without the file."""
+    file = folder / "track.geojson"
+    if not file.exists():
+        return None
+    shapes = {one["properties"]["name"]: one["geometry"]["coordinates"] for one in json.loads(file.read_text())["features"]}
+    origin = np.array(shapes["track"][0][:2])
+    scale = np.radians(6371e3) * np.array([np.cos(np.radians(origin[1])), 1])
+
+    def metres(places):
+        return (np.array([place[:2] for place in places]).reshape(-1, 2) - origin) * scale
+    rings = [metres(ring) for polygon in shapes.pop("95 % corridor") for ring in polygon]
+    return {"95 % corridor": rings, **{name: metres(places) for name, places in shapes.items()}}
+
+
+def draw_map(axes, shapes, estimate, measured, outlier):
+    """What read_map() returns, in these colours."""
+    path = matplotlib.path.Path.make_compound_path(*map(matplotlib.path.Path, shapes["95 % corridor"]))
+    axes.add_patch(matplotlib.patches.PathPatch(path, color=estimate, alpha=0.25, linewidth=0, label="95 % corridor"))
+    axes.plot(*shapes["track"].T, color=estimate, linewidth=1.2, label="track")
+    axes.plot(*shapes["fixes"].T, ".", color=measured, markersize=3, label="fixes")
+    axes.plot(*shapes["outliers"].T, "x", color=outlier, markersize=4, label="outliers")
+    axes.set_aspect("equal", "datalim")
+    axes.set(xlabel="east [m]", ylabel="north [m]")
 
 
 def save(figure, file):
@@ -200,6 +229,15 @@ def draw_timing(file, timing, title):
     save(figure, file)
 
 
+def draw_track(file, shapes, title):
+    figure, axes = plt.subplots(figsize=(8, 6))
+    draw_map(axes, shapes, ESTIMATE, RAW, TARGET)
+    axes.grid(True, linewidth=0.4)
+    axes.set_title(title, loc="left", fontsize="medium", pad=20)
+    legend_above(axes, 4)
+    save(figure, file)
+
+
 def draw(folder):
     metrics = json.loads((folder / "metrics.json").read_text())
     name = folder.resolve().name
@@ -217,6 +255,8 @@ def draw(folder):
                "smoothed" if metrics.get("smoothed") else "filtered", name)
     if (folder / "timing.csv").exists():
         draw_timing(folder / "timing.png", read_table(folder / "timing.csv"), name)
+    if (folder / "track.geojson").exists():
+        draw_track(folder / "track.png", read_map(folder), name)
 
 
 def main():

@@ -221,6 +221,12 @@ def draw_path(run, places):
     return svg(axes.figure)
 
 
+def draw_map(shapes):
+    axes = axes_of(4)
+    plot_run.draw_map(axes, shapes, COLOURS["estimate"], COLOURS["measured"], COLOURS["lost"])
+    return svg(axes.figure)
+
+
 def draw_speed(run):
     """Over half a second, between frames with a position."""
     axes = axes_of(1.6, bottom=0.25, ylabel="speed [m/s]")
@@ -267,13 +273,13 @@ def write(folder, command="", images_at=lambda frames: [None] * len(frames)):
     None. Returns the verdict."""
     run = Run(folder)
     decision, places = verdict(run), worst_places(run)
-    has_path = run.length > 0
+    has_path, shapes = run.length > 0, plot_run.read_map(folder)
     pictures = [picture(image) for image in images_at([run.first_image + frame for frame, _ in places])]
     environment = jinja2.Environment(loader=jinja2.FileSystemLoader(pathlib.Path(__file__).parent), autoescape=True,
                                      trim_blocks=True, lstrip_blocks=True)
     text = environment.get_template("run_page.html").render(
         run=run, verdict=decision, command=shlex.join(command) if command else "",
-        path=draw_path(run, places) if has_path else "", speed=draw_speed(run) if has_path else "",
+        path=draw_path(run, places) if has_path else "", map=draw_map(shapes) if shapes else "", speed=draw_speed(run) if has_path else "",
         scale=draw_scale(run, places) if has_path else "",
         places=[{"frame": frame, "reason": reason, "time": run.time[frame], "stamp": run.scale["stamp"][frame],
                  "distance": run.distance[frame], "picture": one}

@@ -26,10 +26,10 @@ class Estimate(NamedTuple):
 
 
 class Track(gps.Path):
-    """The odometry's result for a part of a drive, from its files. p: [camera heights]; normal: N x 3, of the road in camera
-    axes; section: -1 without a metric pose."""
+    """The odometry's result for a part of a drive, from its files. p, R: of the poses, in the unit of the camera height;
+    normal: N x 3, of the road in camera axes; section: -1 without a metric pose."""
 
-    def __init__(self, folder: pathlib.Path, start_s: float, end_s: float) -> None:
+    def __init__(self, folder: pathlib.Path, start_s: float = 0.0, end_s: float = np.inf) -> None:
         table = np.atleast_1d(np.genfromtxt(folder / "scale.csv", delimiter=",", names=True, dtype=None, encoding="ascii"))
         since = table["stamp"] - table["stamp"][0]
         self.image_stamps = table["stamp"]  # of the whole drive
@@ -37,15 +37,18 @@ class Track(gps.Path):
         if not part.any():
             raise DataError("the drive has no image between --from and --to")
         table = table[part]
-        p = np.loadtxt(folder / "poses.txt", ndmin=2)[part].reshape(-1, 3, 4)[:, :, 3]
+        poses = np.loadtxt(folder / "poses.txt", ndmin=2)[part].reshape(-1, 3, 4)
+        self.R = poses[:, :, :3]
         self.normal = np.stack([table[name] for name in ("nx", "ny", "nz")], -1)
         self.relative_sigma = table["sigma"] / np.maximum(table["scale"], 1e-300)
+        relative_height_sigma = table["camera_height_sigma"] / np.maximum(table["camera_height"], 1e-300)
+        self.height_sigma = np.minimum(relative_height_sigma, self.relative_sigma)
         self.is_measured = table["status"] == "ok"
         self.is_moving = table["reason"] != "standstill"
         self.is_backfilled = table["backfilled"] == 1
         is_metric = (table["vo_status"] == "tracking") & (table["status"] != "unknown") & ~self.is_backfilled
         is_new = np.append(True, (is_metric[1:] != is_metric[:-1]) | (table["map_id"][1:] != table["map_id"][:-1]))
-        super().__init__(table["stamp"], p, np.where(is_metric, np.cumsum(is_new), -1))
+        super().__init__(table["stamp"], poses[:, :, 3], np.where(is_metric, np.cumsum(is_new), -1))
         if not is_metric.any():
             raise DataError("no frame got a scale")
 
@@ -168,8 +171,7 @@ def height_by_clock(track: Track, known: Positions, offset: float) -> Estimate:
     if known.stamp is None:
         return height_from_positions(track, track.image_stamps, known.p, known.sigma)
     stamps = known.stamp + offset
-    gap = max(2.0, 3 * float(np.median(np.diff(stamps)))) if len(stamps) > 1 else 0.0
-    path = gps.Path(stamps, known.p, np.append(0, np.cumsum(np.diff(stamps) > gap)))
+    path = gps.Path(stamps, known.p)
     return height_from_positions(track, gps.clock_checked(track, path, known.sigma, known.name, offset), known.p, known.sigma)
 
 

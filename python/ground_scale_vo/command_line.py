@@ -5,7 +5,9 @@ import functools
 import pathlib
 import sys
 
-from . import _core, bags, calibration, many
+import numpy as np
+
+from . import _core, bags, calibration, gps_track, many
 from .odometry import DataError, _open_reader
 
 
@@ -74,6 +76,7 @@ def add_run(command):
                          "without --camera-height, and for Float32 and Float64)")
     command.add_argument("--speed-offset", type=float, default=0.0, metavar="S",
                          help="added to the stamps of the speeds [s], when they are of another clock")
+    add_gps(command, "the trajectory on the map: ")
     command.add_argument("--out", type=pathlib.Path, default=pathlib.Path("results"), metavar="DIR",
                          help="results go to DIR/<name of the input>/ (default: results)")
     command.add_argument("--smooth", action="store_true",
@@ -81,6 +84,14 @@ def add_run(command):
                          "each scale from all measurements of its map, also later ones")
     command.add_argument("--strict", action="store_true", help="exit status 1 also after a warning")
     add_common(command)
+
+
+def add_gps(command, purpose=""):
+    command.add_argument("--gps", metavar="FILE|TOPIC",
+                         help=purpose + "fixes of a GPX or NMEA file, CSV with the columns stamp, latitude, longitude, a topic of "
+                         "the bag (sensor_msgs/NavSatFix), or FILE.bag:TOPIC")
+    command.add_argument("--gps-offset", type=finite, default=0.0, metavar="S",
+                         help="added to the stamps of the positions [s], when they are of another clock")
 
 
 def add_calibrate(command):
@@ -99,11 +110,7 @@ def add_calibrate_height(command):
     command.add_argument("--length", type=float, metavar="M",
                          help="odometer reading between the first image and the last [m], and")
     command.add_argument("--length-sigma", type=float, metavar="M", help="its standard deviation [m]")
-    command.add_argument("--gps", metavar="FILE|TOPIC",
-                         help="fixes: a GPX or NMEA file, CSV with the columns stamp, latitude, longitude, a topic of the bag "
-                         "(sensor_msgs/NavSatFix), or FILE.bag:TOPIC")
-    command.add_argument("--gps-offset", type=finite, default=0.0, metavar="S",
-                         help="is added to the stamps of the fixes or the trajectory [s], whose clock is another one")
+    add_gps(command)
     command.add_argument("--trajectory", type=pathlib.Path, metavar="FILE",
                          help="positions of a point fixed to the vehicle, in any frame: TUM (stamp x y z qx qy qz qw), or "
                          "KITTI poses, a line for each image")
@@ -190,10 +197,16 @@ def run_drive(arguments):
         raise ValueError(f"--out {arguments.out} would write the results to the input")
     if arguments.camera_height is None and not arguments.speed:
         raise ValueError("--camera-height is needed, or --speed, see --help")
+    if arguments.gps_offset and not arguments.gps:
+        raise ValueError("--gps-offset is for --gps")
+    fixes = gps_track.read(arguments.gps, str(arguments.input)) if arguments.gps else None
     speeds, sentence = read_speeds(arguments)
     open_reader = opener(arguments.input, arguments, arguments.fov or 0.0)
     result = _core.run(open_reader, name, arguments.camera_height or 0.0, arguments.set, speeds, arguments.speed_offset,
                        str(folder), arguments.smooth, bool(arguments.fov), arguments.strict)
+    if fixes and np.isfinite(result["covariances"]).any():
+        print(fixes)
+        gps_track.add_to(folder, result, fixes, arguments.gps_offset, arguments.camera_height)
     draw(folder)
     write_page(folder, open_reader)
     for sentence in [*filter(None, [sentence]), *result["warnings"]]:

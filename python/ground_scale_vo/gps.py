@@ -18,6 +18,7 @@ DEFAULT_SIGMA = 2.5  # [m] of a fix relative to its neighbours where the receive
 LEAST_SIGMA, LARGEST_SIGMA = 1e-3, 1e3  # [m] a placeholder, no fix
 LARGEST_SPEED, LEAST_JUMP = 100.0, 50.0  # [m/s], [m] fixes farther apart contradict each other
 LARGEST_OFFSET = 0.3  # [s] between the clocks of positions and images
+OFFSET_SIGMAS = 4.0  # an offset of fewer standard deviations is none
 SPEED_SIGMA = 0.5  # [m/s] of the speeds that are compared
 LATEST_STAMP = 2**32  # [s] larger stamps are in ms, us or ns
 COLUMNS = {"stamp": ("headerstamp", "stamp", "timestamp", "datetime", "utc", "time"), "latitude": ("latitude", "lat"),
@@ -26,9 +27,13 @@ COLUMNS = {"stamp": ("headerstamp", "stamp", "timestamp", "datetime", "utc", "ti
 
 
 class Path:
-    """stamp [s], increasing; p: N x 3 positions; section: the same number along an uninterrupted part, -1: none."""
+    """stamp [s], increasing; p: N x 3 positions; section: the same number along an uninterrupted part, -1: none. Without it a
+    gap ends a part."""
 
-    def __init__(self, stamp: np.ndarray, p: np.ndarray, section: np.ndarray) -> None:
+    def __init__(self, stamp: np.ndarray, p: np.ndarray, section: Optional[np.ndarray] = None) -> None:
+        if section is None:
+            steps = np.diff(stamp)
+            section = np.append(0, np.cumsum(steps > max(2.0, 3 * float(np.median(steps))))) if len(steps) else np.zeros(1, int)
         self.stamp, self.p, self.section = stamp, p, section
 
     def at(self, stamps: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
@@ -57,6 +62,10 @@ class LocalFrame:
     def positions(self, latitude: np.ndarray, longitude: np.ndarray, altitude: np.ndarray) -> np.ndarray:
         """N x 3."""
         return (ecef(latitude, longitude, altitude) - self._origin) @ self._axes.T
+
+    def wgs84(self, positions: np.ndarray) -> np.ndarray:
+        """N x 3: latitude and longitude [degrees] and altitude [m] of N x 3 positions."""
+        return np.stack(_transformer("EPSG:4978", "EPSG:4979").transform(*(positions @ self._axes + self._origin).T), -1)
 
 
 class Fixes(NamedTuple):
@@ -117,11 +126,14 @@ def read(source: str, drive: str) -> Fixes:
 
 def ecef(latitude: Any, longitude: Any, altitude: Any) -> np.ndarray:
     """N x 3, or 3, geocentric [m]."""
-    to_ecef = _library("pyproj").Transformer.from_crs("EPSG:4979", "EPSG:4978")
-    return np.stack(to_ecef.transform(latitude, longitude, altitude), -1)
+    return np.stack(_transformer("EPSG:4979", "EPSG:4978").transform(latitude, longitude, altitude), -1)
 
 
-def _library(module: str, package: Optional[str] = None) -> Any:
+def _transformer(source: str, target: str) -> Any:
+    return library("pyproj").Transformer.from_crs(source, target)
+
+
+def library(module: str, package: Optional[str] = None) -> Any:
     try:
         return importlib.import_module(module)
     except ImportError:
@@ -137,7 +149,7 @@ def _bag_rows(messages: Iterable[Any]) -> Iterator[_Row]:
 
 
 def _gpx_rows(file: str, text: str) -> Iterator[_Row]:
-    gpxpy = _library("gpxpy")
+    gpxpy = library("gpxpy")
     try:
         gpx = gpxpy.parse(text)
     except gpxpy.gpx.GPXException as error:
@@ -150,7 +162,7 @@ def _gpx_rows(file: str, text: str) -> Iterator[_Row]:
 
 def _nmea_rows(file: str, text: str) -> Iterator[_Row]:
     """Of each time, GGA (or RMC) and GST. GGA has no date: that of the RMC before, or after, and the next one at midnight."""
-    nmea = _library("pynmea2", "python3-nmea2")
+    nmea = library("pynmea2", "python3-nmea2")
     epochs = []
     for sentence in re.findall(r"\$[A-Z]{2}(?:RMC|GGA|GST),[^\r\n*$]*\*[0-9A-Fa-f]{2}", text):
         try:
@@ -232,8 +244,8 @@ def _fixes(name: str, rows: Iterable[_Row]) -> Fixes:
     keep((np.abs(table[:, 1]) <= 90) & (np.abs(table[:, 2]) <= 180), "without a position")
     keep((table[:, 1:3] != 0).any(1), "at 0, 0")
     keep(table[:, 0] > np.maximum.accumulate(np.append(-np.inf, table[:-1, 0])), "not later than the one before")
-    known = table[:, 3][np.isfinite(table[:, 3])]
-    table[:, 3] = np.where(np.isfinite(table[:, 3]), table[:, 3], np.median(known) if len(known) else 0.0)
+    is_known = np.isfinite(table[:, 3])
+    table[~is_known, 3], table[~is_known, 5] = np.median(table[is_known, 3]) if is_known.any() else 0.0, LARGEST_SIGMA
     if len(table):
         keep(_consistent(table[:, 0], ecef(*table[:, 1:4].T)), "far from the others")
     if not len(table):
@@ -276,10 +288,10 @@ def clock_checked(track: Path, known: Path, sigma: float, name: str, given: floa
         print(f"{name}: their clock is not checked, the motion does not determine its offset")
         return known.stamp
     offset, offset_sigma = found
+    if abs(offset) < OFFSET_SIGMAS * offset_sigma:
+        return known.stamp
     if abs(offset) > LARGEST_OFFSET:
         raise DataError(f"{name}: the speeds show that the stamps are {abs(offset):.2f} s {'early' if offset > 0 else 'late'} by "
                         f"the clock of the images: use --gps-offset {given + offset:.2f}")
-    if abs(offset) < 3 * offset_sigma:
-        return known.stamp
     print(f"{name}: the stamps are shifted by {offset:+.2f} s, as the speeds show")
     return known.stamp + offset

@@ -62,7 +62,7 @@ def drives(arguments):
     for path, name in zip(arguments.inputs, names):
         one = argparse.Namespace(**options, input=path.resolve())
         belongs_to = {"version": _core.__version__, **{
-            key: state(value) if isinstance(value, pathlib.Path) else value
+            key: state(pathlib.Path(value)) if isinstance(value, pathlib.Path) or key in ("gps", "speed") and value else value
             for key, value in sorted(vars(one).items()) if key != "out"}}
         yield Drive(one, name, json.loads(json.dumps(belongs_to)))
 

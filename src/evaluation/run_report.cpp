@@ -171,8 +171,8 @@ void writeRun(const fs::path& folder, const RunRecord& record, double camera_hei
               const std::vector<Eigen::Isometry3d>& ground_truth,
               const std::vector<double>& ground_truth_heights) {
   makeFolder(folder);
-  for (const char* name :
-       {"timing.csv", "ground_truth.txt", "run.json", "report.html"}) {  // of an earlier run
+  for (const char* name : {"timing.csv", "ground_truth.txt", "run.json", "report.html", "track.gpx",
+                           "track.kml", "track.geojson"}) {  // of an earlier run
     std::error_code ignored;
     fs::remove(folder / name, ignored);
   }

@@ -401,6 +401,11 @@ void addDrives(py::module* module) {
   module->def("roll_of", &gsv::rollOf);
   module->def("open_files", &openFiles);
   module->def("open_messages", &openMessages);
+  module->def("require_camera_info", [](const py::iterable& infos, const std::string& info_topic,
+                                        const std::string& image_topic, bool is_rectified) {
+    std::string warning;
+    calibrationIn(infos, info_topic, image_topic, is_rectified, &warning);
+  });
   module->def("require_no_bag", [](const std::string& path) { gsv::requireNoBag(path); });
   module->def("result_name", &gsv::resultName);
   py::class_<gsv::SpeedSample>(*module, "SpeedSample");

@@ -236,6 +236,7 @@ PYBIND11_MODULE(_core, module) {
       .def("write", &Record::write);
   addDrives(&module);
   module.attr("__version__") = GROUND_SCALE_VO_VERSION;
+  module.attr("USUAL_HEIGHTS") = py::make_tuple(gsv::kMinUsualHeight, gsv::kMaxUsualHeight);
   module.def("read_options", &gsv::readOptions);
   module.def("require_new_file",
              [](const std::string& file, bool force) { gsv::requireNewFile(file, force); });

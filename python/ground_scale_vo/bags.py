@@ -29,6 +29,12 @@ def open_bag(file: str, topic: Optional[str], info: Optional[str], rectified: bo
                                _fields(bag, file, *infos) if infos else (), rectified, camera, fov, mask, fps)
 
 
+def require_camera_info(files: List[str], image: str, infos: List[str], rectified: bool) -> None:
+    """Raises DataError when no message on the topics infos, the same one with and without a slash, describes the images."""
+    messages = (message for file in files for message in _fields(_open(file)[0], file, *infos))
+    _core.require_camera_info(messages, infos[0], image, rectified)
+
+
 def fix_messages(file: str, topic: Optional[str]) -> Iterator[Any]:
     """The messages sensor_msgs/NavSatFix of a topic; None: the bag has one. Raises DataError."""
     bag, topics = _open(file)

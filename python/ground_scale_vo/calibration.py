@@ -18,6 +18,7 @@ OUTLIER_SIGMAS = 4.0
 SCALE_CORRELATION = 6.0  # length over which the errors of the scale are equal
 METHOD_SIGMA = 0.003  # relative: the bias of the estimated plane, which all segments share
 MAX_ERROR = 0.05  # largest relative half width of the 95 % interval
+MAX_DEVIATION = 0.15  # largest relative standard deviation of the heights by segments of the same drive
 
 
 class Estimate(NamedTuple):
@@ -70,9 +71,27 @@ def similarity_scale(source: np.ndarray, target: np.ndarray) -> float:
     return float(s.sum() / (source**2).sum())
 
 
-def height_from_positions(track: Track, stamps: np.ndarray, known: np.ndarray, sigma_m: float) -> Estimate:
-    """The height from N x 3 positions [m] along the drive: the mean over segments. sigma_m: of a position relative to its
-    neighbours."""
+def require_usual(height: float, question: str) -> None:
+    """Raises DataError with the question about the unit of the length; "": any height is accepted."""
+    least, largest = _core.USUAL_HEIGHTS
+    if question and not least <= height <= largest:
+        raise DataError(f"the height would be {height:.3g} m, on a road vehicle it is {least:g} to {largest:g} m: {question} "
+                        "If so, --set unusual_height=true")
+
+
+class Positions(NamedTuple):
+    """Of a point of the vehicle, along the drive. stamp: None: of the images."""
+
+    name: str
+    stamp: Optional[np.ndarray]
+    p: np.ndarray  # N x 3 [m]
+    sigma: float  # of a position relative to its neighbours [m]
+    question: str  # of require_usual()
+
+
+def height_from_positions(track: Track, stamps: np.ndarray, positions: Positions) -> Estimate:
+    """The height from positions along the drive, whose stamps are by the clock of the track: the mean over segments."""
+    known, sigma_m = positions.p, positions.sigma
     p, sections = track.at(stamps)
     heights, lengths = [], []
     start = 0
@@ -95,8 +114,18 @@ def height_from_positions(track: Track, stamps: np.ndarray, known: np.ndarray, s
         is_used = deviations <= OUTLIER_SIGMAS * max(1.4826 * np.median(deviations), METHOD_SIGMA * np.median(values))
     print(f"{is_used.sum()} of {len(values)} segments")
     if is_used.sum() < MIN_SEGMENTS:
+        assumed = ("" if sigma_m != gps.DEFAULT_SIGMA else
+                   f"; the fixes state no standard deviation, with the assumed {sigma_m:g} m (column sigma) a segment is "
+                   f"{SEGMENT_SIGMAS * sigma_m:g} m long")
+        inside = sections == np.argmax(np.bincount(sections[sections >= 0], minlength=1))
+        if inside.any() and np.ptp(p[inside], axis=0).max() > SEGMENT_LENGTH:
+            require_usual(similarity_scale(p[inside], known[inside]), positions.question)
         raise DataError(f"{is_used.sum()} segments of the drive can be compared, {MIN_SEGMENTS} are needed: it is too "
-                        "short, or tracking or positions have too many gaps")
+                        f"short, or tracking or positions have too many gaps{assumed}")
+    deviation = values[is_used].std(ddof=1) / values[is_used].mean()
+    if deviation > MAX_DEVIATION:
+        raise DataError("the positions do not follow the motion of the images: the heights by its segments have a standard "
+                        f"deviation of {100 * deviation:.0f} %; are they of this drive, and by its clock?")
     return mean_of(values[is_used], weights[is_used])
 
 
@@ -134,15 +163,6 @@ def mounting_text(track: Track, height: float) -> str:
     return str(_core.mounting_comments(height, *pitch, *roll))
 
 
-class Positions(NamedTuple):
-    """Of a point of the vehicle, along the drive. stamp: None: of the images."""
-
-    name: str
-    stamp: Optional[np.ndarray]
-    p: np.ndarray  # N x 3 [m]
-    sigma: float  # of a position relative to its neighbours [m]
-
-
 def read_trajectory(file: pathlib.Path, images: int) -> Positions:
     """A file of TUM, or of KITTI with a line for each image."""
     try:
@@ -153,37 +173,41 @@ def read_trajectory(file: pathlib.Path, images: int) -> Positions:
         raise DataError(f"{file}: its lines are not 8 (TUM) or 12 (KITTI) finite numbers")
     if rows.shape[1] == 12 and len(rows) != images:
         raise DataError(f"{file}: has {len(rows)} poses without stamps for {images} images")
+    name, question = f"trajectory {file}", "are its positions in metres?"
     if rows.shape[1] == 12:
-        return Positions(f"trajectory {file}", None, rows[:, 3::4], 0.0)
+        return Positions(name, None, rows[:, 3::4], 0.0, question)
     if not (np.diff(rows[:, 0]) > 0).all():
         raise DataError(f"{file}: its stamps do not increase")
-    return Positions(f"trajectory {file}", rows[:, 0], rows[:, 1:4], 0.0)
+    return Positions(name, rows[:, 0], rows[:, 1:4], 0.0, question)
 
 
 def read_fixes(source: str, drive: str) -> Positions:
     fixes = gps.read(source, drive)
     print(fixes)
-    return Positions(fixes.name, fixes.stamp, fixes.positions(), float(np.median(fixes.sigma_h)))
+    return Positions(fixes.name, fixes.stamp, fixes.positions(), float(np.median(fixes.sigma_h)),
+                     "are the fixes in degrees, and of this drive?")
 
 
 def height_by_clock(track: Track, known: Positions, offset: float) -> Estimate:
     """height_from_positions(); offset: to add to the stamps [s], of which the speeds may show a rest."""
     if known.stamp is None:
-        return height_from_positions(track, track.image_stamps, known.p, known.sigma)
+        return height_from_positions(track, track.image_stamps, known)
     stamps = known.stamp + offset
     path = gps.Path(stamps, known.p)
-    return height_from_positions(track, gps.clock_checked(track, path, known.sigma, known.name, offset), known.p, known.sigma)
+    return height_from_positions(track, gps.clock_checked(track, path, known.sigma, known.name, offset), known)
 
 
 def estimate_height(open_reader: Callable[[], Any], name: str, drive: str, arguments: Any) -> None:
     """Runs the odometry over the drive and writes arguments.out. open_reader(): its images."""
     _core.require_new_file(str(arguments.out), arguments.force)
     images = open_reader().count
-    known = None
+    known, question = None, "is --length in metres?"
     if arguments.gps:
         known = read_fixes(arguments.gps, drive)
     elif arguments.trajectory:
         known = read_trajectory(arguments.trajectory, images)
+    if "unusual_height=true" in arguments.set:
+        known, question = known and known._replace(question=""), ""
     with tempfile.TemporaryDirectory() as work:
         result = _core.run(open_reader, name, 1.0, ["camera_height_sigma=0", *arguments.set], [], 0.0, work, False, False, False)
         for sentence in result["warnings"]:
@@ -198,6 +222,7 @@ def estimate_height(open_reader: Callable[[], Any], name: str, drive: str, argum
     else:
         source = f"a drive of {arguments.length:g} m, known to {arguments.length_sigma:g} m"
         height = height_from_length(track, arguments.length, arguments.length_sigma)
+    require_usual(height.value, known.question if known else question)
     height = Estimate(height.value, float(np.hypot(height.error95, 1.96 * METHOD_SIGMA * height.value)))
     error = height.error95 / height.value
     if error > MAX_ERROR:

@@ -3,6 +3,7 @@
 import argparse
 import functools
 import pathlib
+import re
 import sys
 
 import numpy as np
@@ -11,7 +12,7 @@ from . import _core, bags, calibration, gps_track, many
 from .odometry import DataError, _open_reader
 
 
-def parse(arguments):
+def parse(words):
     parser = argparse.ArgumentParser(
         prog="ground_scale_vo", description="Metric monocular visual odometry without ROS.",
         epilog="Exit status: 0 done, 1 the data cannot be used or only in part (the reason is printed), 2 the arguments "
@@ -36,7 +37,8 @@ def parse(arguments):
         "its mounting, with the 95 % intervals. One of --length with --length-sigma, --gps and --trajectory is needed.",
         epilog="Exit status: 0 done, 1 the data cannot be used or leave the height too uncertain, 2 the arguments cannot "
         "be used. FILE is written only with status 0."))
-    return parser.parse_args(arguments)
+    # argparse takes a negative number in E notation for an option.
+    return parser.parse_args([f"{float(word):.9f}" if re.fullmatch(r"-[\d.]+[eE][+-]?\d+", word) else word for word in words])
 
 
 INPUT = dict(type=pathlib.Path, metavar="FOLDER|VIDEO|BAG",

@@ -26,12 +26,23 @@ from environment import LIB, Parser, build, private_master, run
 TARGETS = ("ground_scale_vo_generate_messages", "ground_scale_vo_nodelets", "render_drive", "kitti_to_bag",
            "ground_truth_relay", "evaluate_bag", "run_sequence")
 PROGRESS_PERIOD_S = 10  # in a log; on a terminal one line is overwritten
+USUAL_HEIGHTS_M = 0.2, 5.0  # as in scale_options.hpp; the launch files have no unusual_height
+OUTPUTS = ("recorded.bag", "roslaunch.log", "metrics.json", "run.json", "poses.txt", "poses_unscaled.txt", "ground_truth.txt",
+           "trajectory_tum.txt", "scale.csv", "timing.csv", "trajectory.png", "scale.png", "timing.png", "report.html")
 
 
 def positive(text):
     value = float(text)
     if not 0 < value < float("inf"):
         raise argparse.ArgumentTypeError(f"{text} is not a positive number")
+    return value
+
+
+def height(text):
+    value, (least, largest) = positive(text), USUAL_HEIGHTS_M
+    if not least <= value <= largest:
+        raise argparse.ArgumentTypeError(f"camera_height is {value:g} m, on a road vehicle it is {least:g} to {largest:g} m: "
+                                         "is it in centimetres?")
     return value
 
 
@@ -45,12 +56,13 @@ def parse():
     source.add_argument("--bag", nargs="+", type=path, default=[], metavar="FILE",
                         help="play this bag, or the parts of a split recording: --bag drive_*.bag")
     source.add_argument("--sequence", type=path, metavar="DIR", help="convert this KITTI folder to a bag and play it")
-    parser.add_argument("--camera-height", type=positive, metavar="M",
+    parser.add_argument("--camera-height", type=height, metavar="M",
                         help="height of the camera above the road [m] (default without --speed: 1.65, as in KITTI and in the "
                         "rendered drive; required with other topics than those of /kitti)")
     parser.add_argument("--speed", default="", metavar="TOPIC",
                         help="speed of the vehicle in the bag: Odometry, TwistStamped or TwistWithCovarianceStamped, or with "
-                        "--speed-unit Float32 or Float64")
+                        "--speed-unit Float32 or Float64; of the clock of the images, as only `ground_scale_vo run` "
+                        "has a --speed-offset")
     parser.add_argument("--speed-unit", default="", choices=("mps", "kmh", "mph", "knots", "mmps"),
                         help="its unit (default: m/s)")
     parser.add_argument("--rate", type=positive, default=1.0, metavar="R",
@@ -104,17 +116,15 @@ def check(parser, arguments):
         arguments.name = arguments.sequence.name
     else:
         arguments.name = arguments.bag[0].stem if arguments.bag else "demo"
-    results = arguments.out / arguments.name
+    results = arguments.results = arguments.out / arguments.name
     if arguments.sequence and results.exists() and results.samefile(arguments.sequence):
         parser.error(f"--out would write the results into the sequence's own folder {arguments.sequence}")
     recorded = results / "recorded.bag"
     for bag in arguments.bag:
         if recorded.exists() and recorded.samefile(bag):
             parser.error(f"--out would write recorded.bag over the bag {bag}")
-    try:
-        results.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        parser.error(f"the folder {results} cannot be written to ({error.strerror})", status=1)
+    if arguments.fov:
+        arguments.camera = results / "lens.yaml"
     if arguments.rviz and not os.environ.get("DISPLAY"):
         print("demo: there is no display, so rviz is not started; set DISPLAY, or use xvfb-run", file=sys.stderr)
         arguments.rviz = False
@@ -140,7 +150,7 @@ class Display:
             (r"\[(rviz)-.*process has died",
              f"{name}: %s could not open its window on the display '{os.environ.get('DISPLAY')}', or crashed; the run "
              "continues without it", False),
-            (r"(.*\[(?: WARN|ERROR|FATAL)\].*)", "%s", False)]
+            (r".*?(\[(?: WARN|ERROR|FATAL)\].*)", "%s", False)]  # a node may have begun the line
 
     def follow(self, stream):
         for line in stream:
@@ -184,26 +194,43 @@ def kill_nodes(master):
             pass
 
 
-def play(bags, results, arguments):
-    """True if the bag was played to its end."""
-    port, environment = private_master()
+def launch_words(bags, arguments):
+    """The launch file, with its arguments, for roslaunch."""
     options = {
         "required": "true", "bag": " ".join(shlex.quote(str(bag)) for bag in bags), "image": arguments.image,
         "camera_height": arguments.camera_height or "", "speed": arguments.speed, "speed_unit": arguments.speed_unit,
         "camera_info": arguments.camera_info, "rate": arguments.rate, "rviz": str(arguments.rviz).lower(),
         "base_frame": arguments.base_frame, "mask": arguments.mask or "", "camera_file": arguments.camera or "",
-        "record": results / "recorded.bag"}
+        "record": arguments.results / "recorded.bag"}
     if arguments.rectified is not None:
         options["image_is_rectified"] = str(arguments.rectified).lower()
     is_kitti = arguments.image == "" or arguments.image.lstrip("/").startswith("kitti/")
     file = "kitti.launch" if is_kitti else "bag.launch"
-    launch = subprocess.Popen(
-        ["roslaunch", "-p", port, "ground_scale_vo", file, *(f"{name}:={value}" for name, value in options.items())],
-        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, env=environment)
+    return ["ground_scale_vo", file, *(f"{name}:={value}" for name, value in options.items())]
+
+
+def require_playable(tools, bags, arguments):
+    """Ends the demo when the bags themselves show that the nodelets cannot use them."""
+    parameters = subprocess.run(["roslaunch", "--dump-params", *launch_words(bags, arguments)], stdout=subprocess.PIPE, check=True)
+    modules = os.pathsep.join(filter(None, (os.environ.get("PYTHONPATH"), str(tools / "python"))))
+    checked = subprocess.run([tools / "playback_monitor", "--check"], input=parameters.stdout, stderr=subprocess.PIPE,
+                             env={**os.environ, "PYTHONPATH": modules})
+    if checked.returncode:
+        sentence = checked.stderr.decode(errors="replace").strip().splitlines()[-1]
+        options = re.sub(r"\b[a-z_]+:=", lambda name: f"--{name[0][:-2].replace('_', '-')} ", sentence)
+        sys.exit(f"demo: {options}")
+
+
+def play(bags, arguments):
+    """True if the bag was played to its end."""
+    results = arguments.results
+    port, environment = private_master()
+    launch = subprocess.Popen(["roslaunch", "-p", port, *launch_words(bags, arguments)], stdout=subprocess.PIPE,
+                              stderr=subprocess.STDOUT, env=environment)
     log = results / "roslaunch.log"
     tee = subprocess.Popen(["tee", log], stdin=launch.stdout, stdout=subprocess.PIPE, text=True, errors="replace",
                            start_new_session=True)  # the log is complete also after Ctrl-C
-    display = Display(launch, arguments.name, environment["ROS_MASTER_URI"], options["record"])
+    display = Display(launch, arguments.name, environment["ROS_MASTER_URI"], results / "recorded.bag")
     follower = threading.Thread(target=display.follow, args=[tee.stdout])
     follower.start()
     try:
@@ -227,9 +254,13 @@ def main():
     if arguments.yes:
         os.environ["GROUND_SCALE_VO_YES"] = "1"
     tools = build(*TARGETS, packages=["rviz"])  # documented commands use it, too
-    results, bags = arguments.out / arguments.name, arguments.bag
-    for name in ("metrics.json", "recorded.bag", "roslaunch.log"):
-        (results / name).unlink(missing_ok=True)
+    results, bags = arguments.results, arguments.bag
+    if bags:
+        require_playable(tools, bags, arguments)
+    try:
+        results.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        sys.exit(f"demo: the folder {results} cannot be written to ({error.strerror})")
     with tempfile.TemporaryDirectory(prefix="ground_scale_vo_demo.") as work:
         sequence = arguments.sequence
         if not bags and not sequence:
@@ -239,11 +270,12 @@ def main():
             bags = [pathlib.Path(work) / f"{arguments.name}.bag"]
             subprocess.run([tools / "kitti_to_bag", sequence, "--out", bags[0]], check=True)
         if arguments.fov:
-            arguments.camera = results / "lens.yaml"
             subprocess.run([LIB.parent / "calibrate_camera", *bags, "--fov", str(arguments.fov), "--out", arguments.camera, "--force",
                             *(["--image", arguments.image] if arguments.image else []),
                             *(["--mask", arguments.mask] if arguments.mask else [])], check=True)
-        if not play(bags, results, arguments):
+        for name in OUTPUTS:  # of an earlier run
+            (results / name).unlink(missing_ok=True)
+        if not play(bags, arguments):
             return 1
         evaluated = subprocess.run(
             [tools / "evaluate_bag", "--played", *bags, "--recorded", results / "recorded.bag", "--out", results,

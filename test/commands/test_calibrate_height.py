@@ -1,5 +1,6 @@
 """scripts/calibrate_height: the camera's height from drives of known length."""
 
+import math
 import re
 import shutil
 
@@ -93,7 +94,7 @@ def test_fixes_of_a_file(low, low_bag, height_file):
     shift = rows[0][0] - np.loadtxt(low / "times.txt")[0]
     command = (CALIBRATE, low, "--gps", fixes, "--out", height_file)
     assert_refused(1, "do not overlap the images'", *command)
-    done = run(*command, f"--gps-offset={-shift:.6f}")
+    done = run(*command, "--gps-offset", f"{-shift:.9e}")
     assert "59 are used, left out are 1 at 0, 0" in done.stdout
     assert_height(height_file)
 
@@ -108,12 +109,16 @@ def test_fixes_are_read_before_the_drive(low, low_bag, tmp_path):
 @pytest.mark.parametrize("change, text", [
     # With a standard deviation of 1 m a segment is 40 m long.
     ({"position_covariance": [1, 0, 0, 0, 1, 0, 0, 0, 4]}, "1 segments of the drive can be compared, 4 are"),
+    ({"position_covariance_type": 0}, "with the assumed 2.5 m (column sigma) a segment is 100 m long"),
+    ({"latitude": math.radians, "longitude": math.radians}, "m, on a road vehicle it is 0.2 to 5 m: are the fixes in degrees"),
+    # Another drive.
+    ({"longitude": lambda degrees: 8 + 1e-4 * math.sin(2e4 * (degrees - 8))}, "do not follow the motion of the images"),
     ({"status": NavSatStatus(status=-1)}, "fixes on /fix: none can be used, of 60 are 60 without a fix"),
 ])
 def test_unusable_fixes(low_bag, height_file, change, text):
     def changed(name, message):
         for field, value in change.items() if name == "/fix" else ():
-            setattr(message, field, value)
+            setattr(message, field, value(getattr(message, field)) if callable(value) else value)
         return name, message
 
     file = height_file.with_suffix(".bag")

@@ -9,9 +9,11 @@ import subprocess
 
 import bags
 import pytest
-from conftest import (CAMERA_HEIGHT, SCRIPTS, TIMEOUT_S, assert_played, on_full_disk, on_terminal, pid_of, run,
+import rospy
+from conftest import (CAMERA_HEIGHT, SCRIPTS, TIMEOUT_S, assert_played, assert_refused, on_full_disk, on_terminal, pid_of, run,
                       wait_until, write_camera)
-from std_msgs.msg import Float64
+from geometry_msgs.msg import TwistStamped
+from std_msgs.msg import Float32, Float64
 
 DEMO = SCRIPTS / "demo"
 
@@ -71,6 +73,45 @@ def test_speed_instead_of_a_height(bag, tmp_path):
     assert_played(done.stdout, tmp_path / "short")
     metrics = json.loads((tmp_path / "short/metrics.json").read_text())
     assert abs(metrics["rle_percent"]) < 2 and abs(metrics["learned_camera_height_m"] - CAMERA_HEIGHT) < 0.1
+
+
+def zeroed(topic, message):
+    if topic == bags.INFO:
+        message.P = [0.0] * 12
+    return topic, message
+
+
+def late(stamp, speed):
+    return bags.speed_of(TwistStamped, 1)(stamp + rospy.Duration(100), speed)
+
+
+@pytest.mark.parametrize("make, options, status, text", [
+    (None, ("--camera-height", 30), 2, "camera_height is 30 m, on a road vehicle it is 0.2 to 5 m: is it in centimetres?"),
+    (None, ("--image", "/cam/image", "--camera-height", 2), 1,
+     f"has no topic /cam/image; its topics with images are {bags.IMAGE}: choose one with --image TOPIC"),
+    (None, ("--speed", "/nope"), 1, "has no topic /nope; it has no speed, only"),
+    (None, ("--camera-info", "/lens/info"), 1, f"its topics with camera_info are {bags.INFO}: choose one with --camera-info TOPIC"),
+    (bags.speed_of(Float32, 1), ("--speed", bags.SPEED), 1, "unit is not known: --speed-unit mps, kmh, mph, knots or mmps is"),
+    (late, ("--speed", bags.SPEED), 1, "no speed is used: the images are from "),
+    (zeroed, (), 1, "is all zeros: the camera is not calibrated"),
+])
+def test_refuses_before_ros_starts(bag, short, gsv_command, tmp_path, make, options, status, text):
+    """What an earlier run has written stays."""
+    played, results = tmp_path / "drive.bag", tmp_path / "out/drive"
+    if make is zeroed:
+        bags.copy(bag, played, make)
+    elif make:
+        bags.add_speed(bag, played, make)
+    else:
+        played.symlink_to(bag)
+    results.mkdir(parents=True)
+    old = [results / name for name in ("metrics.json", "poses.txt", "report.html", "roslaunch.log", "recorded.bag")]
+    for file in old:
+        file.write_text(file.name)
+    assert_refused(status, text, DEMO, "--bag", played, "--out", tmp_path / "out", *options)
+    assert sorted(results.iterdir()) == sorted(old) and all(file.read_text() == file.name for file in old)
+    if "centimetres" in text:
+        assert text in gsv_command("run", short, *options)[2]
 
 
 def test_missing_tf(bag, tmp_path):

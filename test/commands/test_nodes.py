@@ -205,7 +205,7 @@ def test_the_bag_ends_with_its_last_image(monitor, bag, tmp_path):
     (None, [bags.IMAGE], "/none", f"has no topic /none; its topics with camera_info are {bags.INFO}"),
     (None, [bags.INFO], bags.INFO, "holds sensor_msgs/CameraInfo instead of sensor_msgs/Image"),
     # Both would be played on the same topic.
-    (None, [bags.IMAGE, "/both"], bags.INFO, f"has several topics with images, {bags.IMAGE}, /both: choose one"),
+    (None, [bags.IMAGE, "/both"], bags.INFO, f"has several topics with images, {bags.IMAGE}, /both: choose one with image:=TOPIC"),
 ])
 def test_a_bag_that_cannot_be_played_is_refused(monitor, bag, tmp_path, path, images, info, text):
     two = tmp_path / "two.bag"

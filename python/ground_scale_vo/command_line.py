@@ -53,8 +53,9 @@ def add_calibration(command):
     start = command.add_mutually_exclusive_group()
     start.add_argument("--camera", **CAMERA)
     start.add_argument("--fov", type=float, metavar="DEG",
-                       help="horizontal field of view [degrees], when there is no calibration: the lens is estimated from "
-                       "the drive, which needs turns; may be wrong by 15 %%")
+                       help="horizontal field of view of the lens [degrees], 10 to 150, as on the box, when there is no "
+                       "calibration: the lens is estimated from the drive, which needs turns; may be wrong by 15 %%. If it is "
+                       "refused, try values within that")
 
 
 def add_run(command):
@@ -158,6 +159,13 @@ def finite(text):
     return value
 
 
+def field_of_view(arguments):
+    """[degrees]; 0: not given."""
+    if arguments.fov is not None and not arguments.fov > 0:  # positive ones are checked with the images
+        raise ValueError(f"the field of view [degrees] is {arguments.fov:g}, it must lie in [10, 150]")
+    return arguments.fov or 0.0
+
+
 def opener(path, arguments, fov=0.0):
     """A function that opens the drive; each call reads it from the beginning."""
     return functools.partial(_open_reader, str(path), str(arguments.camera or ""), fov, arguments.rectified,
@@ -203,7 +211,7 @@ def run_drive(arguments):
         raise ValueError("--gps-offset is for --gps")
     fixes = gps_track.read(arguments.gps, str(arguments.input)) if arguments.gps else None
     speeds, sentence = read_speeds(arguments)
-    open_reader = opener(arguments.input, arguments, arguments.fov or 0.0)
+    open_reader = opener(arguments.input, arguments, field_of_view(arguments))
     result = _core.run(open_reader, name, arguments.camera_height or 0.0, arguments.set, speeds, arguments.speed_offset,
                        str(folder), arguments.smooth, bool(arguments.fov), arguments.strict)
     if fixes and np.isfinite(result["covariances"]).any():
@@ -232,7 +240,7 @@ def read_speeds(arguments):
 
 
 def calibrate(arguments):
-    fov = arguments.fov or 0.0
+    fov = field_of_view(arguments)
     # The further drives are of the same camera.
     drives = [opener(path, arguments, fov) for path in arguments.inputs]
     names = [_core.result_name(str(path)) for path in arguments.inputs]

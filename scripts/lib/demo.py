@@ -85,7 +85,7 @@ def parse():
                              help="YAML of camera_calibration or scripts/calibrate_camera that describes the images as they come, "
                              "instead of camera_info")
     calibration.add_argument("--fov", type=positive, metavar="DEG",
-                             help="horizontal field of view [degrees], when there is no calibration: the lens is estimated from "
+                             help="horizontal field of view of the lens [degrees], when there is no calibration: the lens is estimated from "
                              "the bag first, which needs turns, as by scripts/calibrate_camera")
     parser.add_argument("--mask", type=path, metavar="FILE",
                         help="image of the size of the bag's images, black where they never show the scene (hood, watermark)")

@@ -21,7 +21,7 @@ constexpr std::size_t kMaxBytes = 1 << 20;
 /// A file of YAML whose errors name it.
 class CameraYaml {
  public:
-  CameraYaml(const fs::path& file, const std::string& text) : name_(file.string()) {
+  CameraYaml(const fs::path& file, const std::string& text) : name_(file.string()), text_(text) {
     try {
       root_ = YAML::Load(text);
     } catch (const YAML::Exception& error) {
@@ -49,21 +49,29 @@ class CameraYaml {
     if (!node.IsScalar()) fail(format("line %d is not one word", node.Mark().line + 1));
     return node.Scalar();
   }
-  double number(const YAML::Node& node) const { return numbers(node).front(); }
-  /// Numbers of a scalar, a list, or the data of a matrix; at least one.
+  double number(const YAML::Node& node) const {
+    if (!node.IsScalar()) failAt(node);
+    return numbers(node).front();
+  }
+  /// Numbers of a scalar, a list, or the data of a matrix, which may be empty.
   Numbers numbers(const YAML::Node& node) const {
     try {
       if (node.IsScalar()) return {node.as<double>()};
-      const YAML::Node list = node.IsMap() ? child(node, "data") : node;
-      const auto result = list.as<Numbers>();
-      if (!result.empty() || !node.IsMap()) return result;
+      return (node.IsMap() ? child(node, "data") : node).as<Numbers>();
     } catch (const YAML::Exception&) {
     }
-    fail(format("line %d has no numbers", node.Mark().line + 1));
+    failAt(node);
   }
 
  private:
-  std::string name_;
+  [[noreturn]] void failAt(const YAML::Node& node) const {
+    std::istringstream lines(text_);
+    std::string line;
+    for (int i = 0; i <= node.Mark().line; ++i) std::getline(lines, line);
+    fail(format("line %d has no numbers: ", node.Mark().line + 1) + line);
+  }
+
+  std::string name_, text_;
   YAML::Node root_;
 };
 

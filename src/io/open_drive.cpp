@@ -141,9 +141,10 @@ struct Layout {
 
 Layout layoutOf(const fs::path& folder) {
   constexpr Layout kLayouts[] = {
-      {"cam0/data", "cam0/data.csv", "cam0/sensor.yaml"},      // EuRoC: mav0
-      {"data", "data.csv", "sensor.yaml"},                     // EuRoC: mav0/cam0
-      {"frames/rgb/Camera_0", "times.txt", "intrinsic.txt"}};  // Virtual KITTI 2
+      {"mav0/cam0/data", "mav0/cam0/data.csv", "mav0/cam0/sensor.yaml"},  // EuRoC
+      {"cam0/data", "cam0/data.csv", "cam0/sensor.yaml"},                 // EuRoC: mav0
+      {"data", "data.csv", "sensor.yaml"},                                // EuRoC: mav0/cam0
+      {"frames/rgb/Camera_0", "times.txt", "intrinsic.txt"}};             // Virtual KITTI 2
   for (const Layout& layout : kLayouts) {
     if (fs::is_directory(folder / layout.images)) return layout;
   }

@@ -99,6 +99,12 @@ distortion_coefficients: [0, 0, 0, 0]
     return path
 
 
+def around_mav0(short, path):
+    (path / "mav0").mkdir(parents=True)
+    euroc(short, path / "mav0/cam0")
+    return path
+
+
 def virtual_kitti(short, path):
     """Scene01/clone of Virtual KITTI 2."""
     images = path / "frames/rgb/Camera_0"
@@ -290,6 +296,7 @@ CASES = {
     "KITTI, image_2 only": Case(kitti(second_camera), ()),
     "KITTI, one pose too few": Case(kitti(without_last_pose), ()),
     "EuRoC": Case(euroc, ()),
+    "EuRoC, the folder around mav0": Case(around_mav0, ()),
     "Virtual KITTI": Case(virtual_kitti, ("--fps", 10)),
     "MP4 with an edit list": Case(cut_video, tolerance=0.03, first=10),
     "bag": Case(bag_of(), ("--rectified",)),

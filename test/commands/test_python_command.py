@@ -97,6 +97,7 @@ def test_refuses_to_overwrite_the_input(refused, shortest, tmp_path):
     (1, "none: no such file or folder", ["none", "--camera", "CALIB"]),
     (2, "is it in centimetres? If not, set unusual_height true", ["SHORTEST", "--camera-height", 30]),
     (2, "--camera FILE is missing", ["empty.mp4"]),
+    (2, "the field of view [degrees] is 0, it must lie in [10, 150]", ["empty.mp4", "--fov", 0]),
     (2, "rectified is for the camera_info of a bag", ["SHORTEST", "--rectified"]),
     (1, "empty.mp4: is not a video", ["empty.mp4", "--camera", "CALIB"]),
     (1, "empty.mp4: is neither YAML of a camera nor a KITTI calib.txt", ["empty.mp4", "--camera", "empty.mp4"]),

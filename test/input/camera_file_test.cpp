@@ -110,6 +110,8 @@ TEST_F(CameraFile, ReadsTheFormatsOfOtherTools) {
            "model_type: KANNALA_BRANDT\nprojection_parameters:\n   k2: -0.2\n   k3: 0.05\n   "
            "k4: 0.001\n   k5: -0.001\n   mu: 500\n   mv: 510\n   u0: 310\n   v0: 230\n",
        true},
+      {ros + "distortion_model: none\ndistortion_coefficients: {rows: 1, cols: 0, data: []}\n",
+       false, true, 0},
       {"%YAML:1.0\n\nCamera.fx: 500\nCamera.fy: 510\nCamera.cx: 310\nCamera.cy: 230\nCamera.k1: "
        "-0.2\nCamera.k2: 0.05\nCamera.p1: 0.001\nCamera.p2: -0.001\nCamera.fps: 10.0\nTracking: "
        "1\n",
@@ -156,7 +158,10 @@ TEST_F(CameraFile, RefusesOtherModelsByName) {
             "KannalaBrandt8");
   EXPECT_EQ(error("just text"), "/camera.yaml: is neither YAML of a camera nor a KITTI calib.txt");
   EXPECT_EQ(error("image_width: 640\n"), "/camera.yaml: has no image_height");
-  EXPECT_EQ(error("image_width: 640\nimage_height: high\n"), "/camera.yaml: line 2 has no numbers");
+  EXPECT_EQ(error("image_width: 640\nimage_height: high\n"),
+            "/camera.yaml: line 2 has no numbers: image_height: high");
+  EXPECT_EQ(error("%YAML:1.0\nCamera.fx: 1\nCamera.k1: 0,0\n"),
+            "/camera.yaml: line 3 has no numbers: Camera.k1: 0,0");
   EXPECT_EQ(error("image_width: [640\n").find("/camera.yaml: line "), 0u);
 }
 

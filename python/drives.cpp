@@ -50,16 +50,25 @@ class PythonImages : public gsv::ImageSource {
  public:
   /// messages: iterator over images (stamp_ns, encoding or format, is_compressed, is_bigendian,
   /// height, width, step, data, frame_id) and dictionaries with the fields of camera_info.
-  PythonImages(std::string name, std::size_t count, py::object messages)
-      : name_(std::move(name)), count_(count), messages_(std::move(messages)) {}
+  /// span: () -> span().
+  PythonImages(std::string name, std::size_t count, py::object messages, py::object span)
+      : name_(std::move(name)),
+        count_(count),
+        messages_(std::move(messages)),
+        span_(std::move(span)) {}
   ~PythonImages() override {
     const py::gil_scoped_acquire acquire;
     messages_ = {};
+    span_ = {};
   }
 
   const std::string& name() const override { return name_; }
   std::size_t count() const override { return count_; }
   bool zeroIsUnset() const override { return true; }
+  std::optional<Span> span() const override {
+    const py::gil_scoped_acquire acquire;
+    return span_().cast<Span>();
+  }
 
   std::optional<gsv::StoredImage> next() override {
     const py::gil_scoped_acquire acquire;
@@ -118,7 +127,7 @@ class PythonImages : public gsv::ImageSource {
 
   const std::string name_;
   const std::size_t count_;
-  py::object messages_;
+  py::object messages_, span_;
 };
 
 /// A drive that is read once.
@@ -164,9 +173,9 @@ gsv::DriveReader::Calibration calibrationIn(const py::iterable& infos,
 
 /// The camera file, the field of view or the messages of camera_info describe the images.
 ReaderPtr openMessages(const std::string& topic, std::size_t count, const py::object& messages,
-                       const std::string& info_topic, const py::iterable& infos, bool is_rectified,
-                       const std::string& camera_file, double fov_deg, const std::string& mask_file,
-                       double fps) {
+                       const py::object& span, const std::string& info_topic,
+                       const py::iterable& infos, bool is_rectified, const std::string& camera_file,
+                       double fov_deg, const std::string& mask_file, double fps) {
   std::string warning;
   gsv::DriveReader::Calibration calibration;
   if (fov_deg > 0) {
@@ -178,7 +187,7 @@ ReaderPtr openMessages(const std::string& topic, std::size_t count, const py::ob
     calibration = calibrationIn(infos, info_topic, topic, is_rectified, &warning);
   }
   auto drive = std::make_unique<gsv::DriveReader>(
-      std::make_unique<PythonImages>(topic, count, messages), calibration,
+      std::make_unique<PythonImages>(topic, count, messages, span), calibration,
       gsv::DriveReader::Options{mask_file, fps, false});
   if (!warning.empty()) drive->warn(warning);
   return std::make_shared<Reader>(Reader{std::move(drive)});

@@ -25,7 +25,8 @@ def open_bag(file: str, topic: Optional[str], info: Optional[str], rectified: bo
     if not infos and not camera and not fov:
         others = f"--camera-info TOPIC ({', '.join(all_infos)}) or " if all_infos else ""
         raise (DataError if info else ValueError)(f"{others}--camera is missing; {file} has no {info_topic}")
-    return _core.open_messages(name, topics[name].message_count, _fields(bag, file, name, *infos), info_topic,
+    return _core.open_messages(name, topics[name].message_count, _fields(bag, file, name, *infos),
+                               lambda: _span(bag, file, name), info_topic,
                                _fields(bag, file, *infos) if infos else (), rectified, camera, fov, mask, fps)
 
 
@@ -112,13 +113,23 @@ def _fields(bag, file, *topics) -> Iterator[Any]:
                             "or run rosrun rosbag fix_msg_defs.py") from None
 
 
+def _span(bag, file, topic):
+    """The stamps of the first and the last image [ns]; only the last second is read."""
+    import genpy
+    for start_s in (max(bag.get_end_time() - 1.0, 0.0), 0.0):
+        last = [message for message, _ in _stamped(bag, file, topic, start=genpy.Time.from_sec(start_s))][-1:]
+        if last:
+            return tuple(message.header.stamp.to_nsec() for message in (next(_messages(bag, file, topic)), *last))
+    return 0, 0
+
+
 def _messages(bag, file, *topics) -> Iterator[Any]:
     return (message for message, _ in _stamped(bag, file, *topics))
 
 
-def _stamped(bag, file, *topics) -> Iterator[Any]:
+def _stamped(bag, file, *topics, start=None) -> Iterator[Any]:
     try:
-        for _, message, arrival in bag.read_messages(topics):
+        for _, message, arrival in bag.read_messages(topics, start_time=start):
             yield message, arrival
     except Exception as error:  # of many types for a damaged file
         raise DataError(f"{file}: cannot be read to its end ({error})") from None

@@ -119,6 +119,33 @@ std::vector<SpeedSample> measuredMagnitudes(const std::vector<SpeedSample>& spee
   return result;
 }
 
+/// The speeds by the clock of the images.
+std::vector<SpeedSample> shifted(const DriveRun::Options& options) {
+  std::vector<SpeedSample> speeds = options.speeds;
+  for (SpeedSample& speed : speeds) speed.stamp_ns += std::llround(1e9 * options.speed_offset);
+  return speeds;
+}
+
+/// That no speed is of the time of the images, up to a colon; else empty.
+std::string missedBySpeeds(std::int64_t first_ns, std::int64_t last_ns,
+                           const std::vector<SpeedSample>& speeds) {
+  if (speeds.front().stamp_ns <= last_ns && speeds.back().stamp_ns >= first_ns) return "";
+  return format("no speed is used: the images are from %s to %s s, the speeds from %s to %s s: ",
+                formatSeconds(first_ns).c_str(), formatSeconds(last_ns).c_str(),
+                formatSeconds(speeds.front().stamp_ns).c_str(),
+                formatSeconds(speeds.back().stamp_ns).c_str());
+}
+
+/// Throws DataError, before the drive, where its stamps are known.
+void requireSpeeds(const DriveReader& drive, const DriveRun::Options& options) {
+  const auto span = options.speeds.empty() ? std::nullopt : drive.span();
+  if (!span) return;
+  const std::string missed = missedBySpeeds(span->first, span->second, shifted(options));
+  if (missed.empty()) return;
+  throw DataError(missed + format("--speed-offset %.2f lets both begin together",
+                                  secondsBetween(options.speeds.front().stamp_ns, span->first)));
+}
+
 /// Why the speeds do not belong to the images, or empty: another clock, by the motion; another
 /// unit.
 std::string speedFailure(const RunRecord& record, const DriveRun::Options& options) {
@@ -128,15 +155,9 @@ std::string speedFailure(const RunRecord& record, const DriveRun::Options& optio
   const std::string remedy = offset ? format("the motion suggests --speed-offset %.2f",
                                              options.speed_offset + offset->offset_s)
                                     : std::string("--speed-offset S adds S to their stamps");
-  const std::int64_t first_ns = record.frames().front().stamp_ns;
-  const std::int64_t last_ns = record.frames().back().stamp_ns;
-  if (options.speeds.front().stamp_ns > last_ns || options.speeds.back().stamp_ns < first_ns) {
-    return format("no speed is used: the images are from %s to %s s, the speeds from %s to %s s: ",
-                  formatSeconds(first_ns).c_str(), formatSeconds(last_ns).c_str(),
-                  formatSeconds(options.speeds.front().stamp_ns).c_str(),
-                  formatSeconds(options.speeds.back().stamp_ns).c_str()) +
-           remedy;
-  }
+  const std::string missed = missedBySpeeds(record.frames().front().stamp_ns,
+                                            record.frames().back().stamp_ns, options.speeds);
+  if (!missed.empty()) return missed + remedy;
   if (offset &&
       std::abs(offset->offset_s) > std::max(kMaxOffset, kOffsetSigmas * offset->sigma_s)) {
     return format("the speeds are %.2f s %s than the motion in the images: ",
@@ -187,6 +208,7 @@ LensEstimate lensOfDrive(const RepeatableDrive& images, const DriveReader& drive
                          const DriveRun::Options& options, bool is_rough) {
   constexpr int kRuns = 3;            // the first one has the tracks of the calibration
   constexpr int kTracksPerCell = 10;  // more take longer and gain nothing
+  requireSpeeds(drive, options);
   LensCalibration::Options calibration;
   calibration.vo = optionsOf(options, drive).odometry.vo;
   calibration.max_runs = kRuns;
@@ -208,9 +230,8 @@ LensEstimate lensOfDrive(const RepeatableDrive& images, const DriveReader& drive
 
 DriveRun runDrive(DriveReader* drive, DriveRun::Options options,
                   const DriveRun::OnFrame& on_frame) {
-  for (SpeedSample& speed : options.speeds) {
-    speed.stamp_ns += std::llround(1e9 * options.speed_offset);
-  }
+  requireSpeeds(*drive, options);
+  options.speeds = shifted(options);
   MetricOdometry::Options odometry_options = optionsOf(options, *drive);
   CameraCalibration camera = drive->camera();
   if (options.lens) {

@@ -59,6 +59,12 @@ DriveReader::DriveReader(std::unique_ptr<ImageSource> source, Calibration calibr
 
 DriveReader::~DriveReader() = default;
 
+std::optional<ImageSource::Span> DriveReader::span() const {
+  const auto span = options_.fps > 0 ? std::nullopt : source_->span();
+  const bool is_unset = span && source_->zeroIsUnset() && span->first == 0;
+  return span && !is_unset && span->first < span->second ? span : std::nullopt;
+}
+
 const cv::Mat& DriveReader::mask() const { return input_->mask(); }
 
 void DriveReader::open(const cv::Size& size) {

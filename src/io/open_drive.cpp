@@ -33,6 +33,10 @@ class Files : public ImageSource {
   bool zeroIsUnset() const override {
     return !stamps_ns_.empty() && secondsBetween(0, stamps_ns_.back()) > kEarliestEpoch;
   }
+  std::optional<Span> span() const override {
+    if (stamps_ns_.empty()) return std::nullopt;
+    return Span{stamps_ns_.front(), stamps_ns_.back()};
+  }
   std::optional<StoredImage> next() override {
     if (index_ == files_.size()) return std::nullopt;
     StoredImage image;

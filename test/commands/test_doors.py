@@ -451,6 +451,10 @@ def test_bag_launch_waits_for_both_nodelets(bag, tmp_path):
         wait_until(lambda: f"Playback finished: {FRAMES} of {FRAMES} frames" in log.read_text(), while_runs=process)
 
 
+def another_clock(stamp, speed):
+    return speed_of(TwistStamped, 1)(stamp + rospy.Duration(100), speed)
+
+
 @pytest.mark.parametrize("message, topic, unit, refusal", [
     (speed_of(TwistStamped, 1), SPEED, "", None),
     (speed_of(Odometry, 1), SPEED.lstrip("/"), "", None),
@@ -459,6 +463,7 @@ def test_bag_launch_waits_for_both_nodelets(bag, tmp_path):
     (speed_of(Float32, 1), SPEED, "mps", None),
     (speed_of(Float32, 1), SPEED, "", "std_msgs/Float32, whose unit is not known"),
     (speed_of(TwistStamped, 1), "/wheels", "", f"topics with( a)? speed are .*{SPEED}"),
+    (another_clock, SPEED, "", "no speed is used: the images are from .* to .* s, the speeds .*from .* to .* s: .*--speed-offset"),
     (speed_of(TwistStamped, 3.6), SPEED, "", "outside 0.2 to 4 m: their unit looks like km/h"),
     (speed_of(TwistStamped, 1000), SPEED, "", "m/s, .*mm/s|outside -200 to 200 m/s"),
 ])

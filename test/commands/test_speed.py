@@ -139,6 +139,7 @@ def test_another_clock_is_refused_with_the_offset(stopping, tmp_path, shift, ove
     words = (tool("run_sequence"), stopping, "--camera-height", CAMERA_HEIGHT, "--speed", file, "--out", tmp_path)
     done = run(*words, check=False)
     assert done.returncode == 1 and ("no speed is used" not in done.stderr) == overlaps, done.stderr
+    assert (tmp_path / stopping.name / "metrics.json").exists() == overlaps  # before the drive
     offset = float(re.search(r"--speed-offset (-?[\d.]+)", done.stderr)[1])
     assert offset == pytest.approx(-shift, abs=0.1)
     done = run(*words, "--speed-offset", offset)

@@ -10,6 +10,7 @@
 #include <opencv2/core.hpp>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "ground_scale_vo/input/image.hpp"
@@ -41,6 +42,9 @@ class ImageSource {
   virtual std::size_t count() const = 0;
   /// A stamp of zero is that of an image without one, as in ROS messages.
   virtual bool zeroIsUnset() const { return false; }
+  /// Stamps of the first and the last image [ns], where they are known without reading all.
+  using Span = std::pair<std::int64_t, std::int64_t>;
+  virtual std::optional<Span> span() const { return {}; }
   /// After the last image: whether fewer than count() of them were read.
   virtual bool endsEarly(std::size_t read) const { return read < count(); }
   /// Empty after the last one. Throws DataError when no further image can be read.
@@ -86,6 +90,8 @@ class DriveReader {
 
   const std::string& name() const { return source_->name(); }
   std::size_t count() const { return source_->count(); }  ///< approximate for a video
+  /// ImageSource::span(); empty for stamps that are replaced or do not increase.
+  std::optional<ImageSource::Span> span() const;
   /// Of the first images as they come, with their size; and their mask, which may be empty.
   const CameraCalibration& camera() const { return *camera_; }
   const cv::Mat& mask() const;

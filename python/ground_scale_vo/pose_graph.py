@@ -11,6 +11,7 @@ OUTLIER, MEDIAN = 11.8, 1.386  # quantiles of 99.7 % and 50 % of chi-square with
 GNC_STEP = 1.4  # factor of the control parameter of graduated non-convexity
 LEAST_USED = 0.5  # share of the fixes that agree with the odometry
 CORRELATED_SHARE, CORRELATION_S = 0.5, 60.0  # of the variance of a fix that is shared by those of this time [s]
+SHORT_S = 300.0  # [s]
 LIKELY_SCALE = 0.03  # standard deviation of the logarithm of the scale, to choose between sets of fixes
 REFLECTION_S = 10.0  # [s] of fixes that count as one until it is known which are outliers: reflections last
 SLOPE_SIGMA, SLOPE_CORRELATION_S = 0.05, 60.0  # [rad] of the road against the horizontal, for so long the same
@@ -121,15 +122,16 @@ class Smoother:
 
     def start(self) -> None:
         """The horizontal positions and a similarity transform at each node, in which the problem is linear: it needs no first
-        guess. Truncated least squares, by graduated non-convexity (Yang et al. 2020) from all fixes, and from all but a
-        third: reflections at an end would turn the whole track."""
+        guess. Truncated least squares, by graduated non-convexity (Yang et al. 2020) from all fixes, and in a short drive
+        from all but a third, too: reflections at an end would turn the whole track."""
         axis = np.cross(self.up, [0, 0, 1])
         sine = np.linalg.norm(axis, axis=1, keepdims=True)
         level = exp(axis / np.maximum(sine, 1e-12) * np.arctan2(sine, self.up[:, 2:]))
         time = self.fix_stamp - self.fix_stamp[0]
         third = np.minimum(3 * time // max(time[-1], 1e-9), 2)
+        left_out = range(-1, 3) if time[-1] < SHORT_S else [-1]
         for limit in OUTLIER * 4.0**np.arange(5):  # the receiver may state too small standard deviations
-            found = [self.truncated_fit(level, limit, third != i) for i in range(-1, 3) if (third != i).sum() > 1]
+            found = [self.truncated_fit(level, limit, third != i) for i in left_out if (third != i).sum() > 1]
             _, x, self.is_used = min(found, key=lambda one: one[0])
             if self.is_used.mean() >= LEAST_USED:
                 break

@@ -17,7 +17,7 @@ def open_bag(file: str, topic: Optional[str], info: Optional[str], rectified: bo
     its camera_info. Raises DataError."""
     bag, topics = _open(file)
     images = [name for name, info in topics.items() if info.msg_type in _IMAGE_TYPES]
-    name = _image_topic(file, images, topic)
+    name = _image_topic(file, topics, images, topic)
     raw = re.sub("/compressed$", "", name)
     info_topic = info or raw[:raw.rfind("/") + 1] + "camera_info"
     all_infos = [other for other, of_topic in topics.items() if of_topic.msg_type == "sensor_msgs/CameraInfo"]
@@ -76,14 +76,15 @@ def _bare(topic):
     return topic.lstrip("/")
 
 
-def _image_topic(file, images, topic):
+def _image_topic(file, topics, images, topic):
     if topic is None:  # compressed ones beside the same images are left out
         images = [name for name in images if name[:name.rfind("/")] not in images]
         found = images if len(images) == 1 else []
     else:
         found = [name for wanted in (topic, topic + "/compressed") for name in images if _bare(name) == _bare(wanted)]
     if not found:
-        raise DataError(f"{file}: --image must be one of its image topics: {', '.join(images) or 'none'}")
+        others = [f"; {name} holds {info.msg_type}" for name, info in topics.items() if topic and _bare(name) == _bare(topic)]
+        raise DataError(f"{file}: --image must be one of its image topics: {', '.join(images) or 'none'}{''.join(others)}")
     return found[0]
 
 

@@ -211,6 +211,8 @@ def run_drive(arguments):
         raise ValueError("--gps-offset is for --gps")
     fixes = gps_track.read(arguments.gps, str(arguments.input)) if arguments.gps else None
     speeds, sentence = read_speeds(arguments)
+    if sentence:
+        print(f"{name}: {sentence}", file=sys.stderr)
     open_reader = opener(arguments.input, arguments, field_of_view(arguments))
     result = _core.run(open_reader, name, arguments.camera_height or 0.0, arguments.set, speeds, arguments.speed_offset,
                        str(folder), arguments.smooth, bool(arguments.fov), arguments.strict)
@@ -219,7 +221,7 @@ def run_drive(arguments):
         gps_track.add_to(folder, result, fixes, arguments.gps_offset, arguments.camera_height)
     draw(folder)
     write_page(folder, open_reader)
-    for sentence in [*filter(None, [sentence]), *result["warnings"]]:
+    for sentence in result["warnings"]:
         print(f"{name}: {sentence}", file=sys.stderr)
     print(f"{name}: {result['summary']}; written to {folder}", flush=True)
     if result["failure"]:

@@ -1,5 +1,6 @@
 """The command `ground_scale_vo run` of the Python package."""
 
+import itertools
 import json
 import shutil
 
@@ -8,6 +9,7 @@ import cv2
 import numpy as np
 import pytest
 from conftest import CAMERA_HEIGHT, FRAMES, assert_one_sentence, images_of, on_terminal, run, tool, write_camera
+from std_msgs.msg import Float32
 
 
 @pytest.fixture
@@ -76,8 +78,16 @@ def test_one_of_several_image_topics_must_be_named(command, refused, bag, short,
 
     bags.copy(bag, two, black_beside_info)
     refused(1, f"--image must be one of its image topics: {bags.IMAGE}, /other", two, "--camera", short / "calib.txt")
+    refused(1, "; /tf holds tf2_msgs/TFMessage", two, "--camera", short / "calib.txt", "--image", "tf")
     assert command(two, "--camera", short / "calib.txt", "--image", bags.IMAGE.lstrip("/"))[0] == 0
     assert distance(tmp_path / "out/two") == pytest.approx(distance(evaluated))
+
+
+def test_speeds_without_a_number_are_counted(refused, bag, tmp_path):
+    played, numbers = tmp_path / "speeds.bag", itertools.cycle([1, 1, 1, float("nan")])
+    bags.add_speed(bag, played, lambda stamp, speed: Float32(speed * next(numbers)))
+    refused(0, f"10 of {FRAMES} speeds are not used: speed on {bags.SPEED} is not finite", played, "--rectified", "--speed",
+            bags.SPEED, "--speed-unit", "mps")
 
 
 def test_unusable_bags_are_refused(refused, bag, damaged_bag, short, tmp_path):

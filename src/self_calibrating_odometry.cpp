@@ -63,14 +63,8 @@ class LensOdometry {
     VoFrame& frame = output->frame;
     if (map_start_) {
       frame.map_start = *map_start_;
-      frame.T_w_c.translation() *= unit_;
+      scaleLengths(unit_, &frame);
       frame.T_w_c = T_w_v_ * frame.T_w_c;
-      frame.pose_covariance = withScaledPosition(frame.pose_covariance, unit_);
-      frame.readout_motion.tail<3>() *= unit_;
-      for (TrackedFeature& feature : frame.features) {
-        feature.p_c *= static_cast<float>(unit_);
-        feature.depth_sigma *= static_cast<float>(unit_);
-      }
     }
     frame.sequence += first_sequence_;
     frame.map_id += first_map_;
@@ -192,5 +186,13 @@ SelfCalibratingOdometry::Output SelfCalibratingOdometry::process(const cv::Mat& 
 }
 
 const LensEstimate& SelfCalibratingOdometry::lens() const { return impl_->current->lens(); }
+
+const std::string& SelfCalibratingOdometry::lensContradiction() const {
+  return impl_->refinement.contradiction();
+}
+
+std::string SelfCalibratingOdometry::finalLensContradiction() {
+  return impl_->options.refine_camera ? impl_->refinement.finalContradiction(lens().lens) : "";
+}
 
 }  // namespace gsv

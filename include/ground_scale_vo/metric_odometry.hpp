@@ -73,6 +73,7 @@ class MetricOdometry {
 
   /// SelfCalibratingOdometry::lens().
   const LensEstimate& lens() const { return vo_->lens(); }
+  std::string finalLensContradiction() { return vo_->finalLensContradiction(); }
 
  private:
   const SelfCalibratingOdometry::Options options_;

@@ -57,6 +57,10 @@ class SelfCalibratingOdometry {
   /// first change.
   const LensEstimate& lens() const;
 
+  /// LensRefinement::contradiction(), and finalContradiction().
+  const std::string& lensContradiction() const;
+  std::string finalLensContradiction();
+
  private:
   struct Impl;
   std::unique_ptr<Impl> impl_;

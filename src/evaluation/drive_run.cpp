@@ -204,8 +204,8 @@ std::string DriveRun::summary() const {
               : "");
 }
 
-LensEstimate lensOfDrive(const RepeatableDrive& images, const DriveReader& drive,
-                         const DriveRun::Options& options, bool is_rough) {
+DriveLens lensOfDrive(const RepeatableDrive& images, const DriveReader& drive,
+                      const DriveRun::Options& options, bool is_rough) {
   constexpr int kRuns = 3;            // the first one has the tracks of the calibration
   constexpr int kTracksPerCell = 10;  // more take longer and gain nothing
   requireSpeeds(drive, options);
@@ -217,15 +217,18 @@ LensEstimate lensOfDrive(const RepeatableDrive& images, const DriveReader& drive
   const RepeatableDrive same_images = [&images](const ImageVisitor& visit) { images(visit); };
   const LensCalibration::Result result =
       LensCalibration(calibration).calibrate({same_images}, lensOf(drive.camera()), drive.mask());
-  LensEstimate estimate{lensOf(drive.camera())};
+  DriveLens lens{LensEstimate{lensOf(drive.camera())}, {}};
   if (is_rough && result.status != LensEstimator::Status::kOk) {
     throw DataError("the lens is not observable: " + result.reason);
   }
-  if (result.status != LensEstimator::Status::kOk || result.confirmed) return estimate;
-  estimate = result.estimate;
-  estimate.lens.camera.lens_is_estimated = true;
-  estimate.lens.camera.k1_sigma = estimate.sigmas()[3];
-  return estimate;
+  if (result.status != LensEstimator::Status::kOk) {
+    lens.contradiction = result.drives.front().contradiction;
+  } else if (!result.confirmed) {
+    lens.estimate = result.estimate;
+    lens.estimate.lens.camera.lens_is_estimated = true;
+    lens.estimate.lens.camera.k1_sigma = lens.estimate.sigmas()[3];
+  }
+  return lens;
 }
 
 DriveRun runDrive(DriveReader* drive, DriveRun::Options options,
@@ -236,7 +239,8 @@ DriveRun runDrive(DriveReader* drive, DriveRun::Options options,
   CameraCalibration camera = drive->camera();
   if (options.lens) {
     odometry_options.odometry.refine_camera = false;
-    if (options.lens->isEstimate()) camera = calibrationOf(options.lens->lens);
+    const LensEstimate& estimate = options.lens->estimate;
+    if (estimate.isEstimate()) camera = calibrationOf(estimate.lens);
     camera.is_part = drive->camera().is_part;
   }
   OfflineRun offline(camera, odometry_options, drive->mask());
@@ -256,15 +260,15 @@ DriveRun runDrive(DriveReader* drive, DriveRun::Options options,
   DriveRun run;
   run.record = offline.record();
   run.given_lens = lensOf(drive->camera());
-  run.lens = options.lens.value_or(offline.lens());
+  run.lens = options.lens ? options.lens->estimate : offline.lens();
   run.used = drive->used();
   run.warnings = drive->warnings();
   run.failure = drive->failure();
   if (run.failure.empty()) run.failure = speedFailure(run.record, options);
   addSpeedWarnings(run.record, &run.warnings);
   if (run.failure.empty()) run.failure = failureOf(run.record);
-  if (run.failure.empty() && !options.lens) {
-    run.failure = run.lens.contradiction(lensOf(camera));
+  if (run.failure.empty()) {
+    run.failure = options.lens ? options.lens->contradiction : offline.finalLensContradiction();
   }
   return run;
 }

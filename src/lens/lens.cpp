@@ -18,6 +18,8 @@ namespace {
 constexpr int kMaxNewtonSteps = 20;
 constexpr double kConverged = 1e-12;  // [focal lengths]
 
+/// Standard deviations of the prior. As it draws the estimate, the true error may be much larger.
+constexpr double kMaxFocalSigmas = 4;
 /// Radial distortion that published calibrations never leave: five times their standard deviation
 /// (PinholeCamera::k1Sigma()); and in standard deviations of the estimate.
 constexpr double kMaxDistortionError = 0.1, kMaxDistortionSigmas = 5;
@@ -158,22 +160,23 @@ double LensEstimate::significance(const Lens& current) const {
   return difference.dot(covariance.ldlt().solve(difference));
 }
 
-std::string LensEstimate::contradiction(const Lens& given) const {
+std::string LensEstimate::contradiction(const LensEstimate& prior) const {
   if (!isEstimate()) return {};
+  const Lens& given = prior.lens;
+  const double focal_change = std::abs(std::log(lens.camera.fx / given.camera.fx));
+  if (focal_change > kMaxFocalSigmas * prior.sigmas()[0]) {
+    return format("its focal length is wrong, by %.1f %% or more", 100 * focal_change);
+  }
   // k1 + k2 r^2 at the left and right border of the image.
   const double r2 = std::pow(0.5 * lens.camera.width / lens.camera.fx, 2);
   const Eigen::Vector2d g(1, r2);
   const double change = g.dot(Eigen::Vector2d(lens.k1 - given.k1, lens.k2 - given.k2));
   const double sigma = std::sqrt(g.dot(covariance.block<2, 2>(3, 3) * g));
   if (std::abs(change) < std::max(kMaxDistortionError, kMaxDistortionSigmas * sigma)) return {};
-  return "the motion contradicts the calibration: " +
-         format(
-             "its radial distortion k1 + k2 r^2 at the border of the image is wrong by %.2f "
-             "(standard deviation %.2f)",
-             std::abs(change), sigma) +
-         "; estimate the lens from the drive by `ground_scale_vo calibrate`, and run again with "
-         "the "
-         "result as the camera file";
+  return format(
+      "its radial distortion k1 + k2 r^2 at the border of the image is wrong by %.2f (standard "
+      "deviation %.2f)",
+      std::abs(change), sigma);
 }
 
 }  // namespace gsv

@@ -20,6 +20,9 @@ constexpr double kKeyframeFlow = 0.02;  ///< [image widths] median flow between 
 /// Numbers of keyframes that are adjusted together; longer drives are divided.
 constexpr std::size_t kMinSegment = 5, kMaxSegment = 100;
 constexpr double kMaxErrorPx = 2;  ///< observations with larger residuals are outliers
+/// Residuals with the calibration, relative to those with the estimate, that contradict it: those
+/// of published calibrations are at most 1.5 times as large.
+constexpr double kContradictingRatio = 3;
 constexpr std::size_t kMinKeyframes = 10, kMinTracks = 100;
 /// [degrees] Range of what is said to be missing.
 constexpr double kMinMissing = 10, kMaxMissing = 90;
@@ -127,6 +130,20 @@ std::vector<LensEstimator::FieldCell> emptyField(const PinholeCamera& camera) {
   return field;
 }
 
+/// Result::contradiction.
+std::string contradictionOf(const LensEstimator::Result& result, const LensEstimate& estimate,
+                            const LensEstimate& prior) {
+  std::string how = estimate.contradiction(prior);
+  if (how.empty() &&
+      result.rms_before_px > std::max(kMaxErrorPx, kContradictingRatio * result.rms_after_px)) {
+    how = format("the residuals are %.1f px with it, and %.1f px with another lens",
+                 result.rms_before_px, result.rms_after_px);
+  }
+  if (how.empty()) return {};
+  return "the motion contradicts the calibration: " + how +
+         "; is it of these images? Without one, `ground_scale_vo run --fov DEG` estimates the lens";
+}
+
 }  // namespace
 
 LensEstimator::LensEstimator(const Options& options) : options_(options) {
@@ -226,6 +243,7 @@ LensEstimator::Result LensEstimator::estimate(const LensEstimate& prior,
   solver.setLens(prior.lens);
   solver.optimise(false, kPriorIterations);
   result.rms_before_px = addResiduals(solver, &FieldCell::before, &result.field);
+  result.contradiction = contradictionOf(result, estimate, prior);
   if (!(result.rms_after_px < kMaxErrorPx)) {
     result.estimate = prior;
     result.status = Status::kDiverged;

@@ -10,6 +10,7 @@ namespace {
 constexpr double kTurnStep = 0.1;  // [rad]
 /// [rad] Rotation before the first estimate, and the growth of it from one estimate to the next.
 constexpr double kFirstTurn = 0.5, kTurnGrowth = 2;
+constexpr std::size_t kCompareKeyframes = 40;  // of a drive without turns, with the calibration
 constexpr std::size_t kMinEstimateKeyframes = 25, kMaxEstimateKeyframes = 800;  // of an estimate
 /// Least squared Mahalanobis distance of an estimate from the lens in use.
 constexpr double kMinLensSignificance = 25;
@@ -34,7 +35,8 @@ std::optional<LensEstimate> LensRefinement::add(const VoFrame& frame, const Lens
   const bool is_full = estimator_.keyframes() > kMaxEstimateKeyframes;
   if (!is_full) estimator_.add(frame);  // else its memory would grow without use
   if (const auto result = finished()) {
-    if (result->status == LensEstimator::Status::kOk &&
+    compare(*result);
+    if (is_for_use_ && result->status == LensEstimator::Status::kOk &&
         result->estimate.significance(in_use) >= kMinLensSignificance) {
       LensEstimate better = result->estimate;
       better.lens.camera.lens_is_estimated = true;
@@ -43,10 +45,7 @@ std::optional<LensEstimate> LensRefinement::add(const VoFrame& frame, const Lens
     }
   }
   addTurn(frame);
-  const std::size_t keyframes = estimator_.keyframes();
-  if (turned_ >= next_turn_ && keyframes >= kMinEstimateKeyframes &&
-      keyframes <= kMaxEstimateKeyframes && !pending_.valid()) {
-    next_turn_ = turned_ * kTurnGrowth;
+  if (isDue()) {
     frames_since_start_ = 0;
     pending_ = std::async(std::launch::async, [estimator = estimator_, prior = prior_, in_use] {
       return estimator.estimate(prior, in_use);
@@ -55,10 +54,31 @@ std::optional<LensEstimate> LensRefinement::add(const VoFrame& frame, const Lens
   return std::nullopt;
 }
 
+const std::string& LensRefinement::finalContradiction(const Lens& in_use) {
+  if (pending_.valid()) compare(pending_.get());
+  if (contradiction_.empty()) compare(estimator_.estimate(prior_, in_use));
+  return contradiction_;
+}
+
+void LensRefinement::compare(const LensEstimator::Result& result) {
+  if (result.status != LensEstimator::Status::kTooFew) contradiction_ = result.contradiction;
+}
+
 void LensRefinement::restart() {
   estimator_ = LensEstimator(options_.estimator);
   turned_ = 0;
   next_turn_ = kFirstTurn;
+}
+
+/// Whether an estimate starts with this frame.
+bool LensRefinement::isDue() {
+  const std::size_t keyframes = estimator_.keyframes();
+  if (pending_.valid() || keyframes > kMaxEstimateKeyframes) return false;
+  is_for_use_ = turned_ >= next_turn_ && keyframes >= kMinEstimateKeyframes;
+  if (is_for_use_) next_turn_ = turned_ * kTurnGrowth;
+  const bool is_due = is_for_use_ || (!is_compared_ && keyframes >= kCompareKeyframes);
+  is_compared_ = is_compared_ || is_due;
+  return is_due;
 }
 
 /// Counts the rotation in steps, so that suspension and noise do not add up.

@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
 #include <set>
+#include <string>
 #include <vector>
 
 #include "ground_scale_vo/metric_odometry.hpp"
@@ -26,7 +27,8 @@ class SelfCalibration : public testing::Test {
   /// distortion. given_sigma: of its k1, of a lens that was estimated from drives.
   static std::vector<MetricOdometry::Output> run(const SyntheticDrive& drive, const Lens& lens,
                                                  bool refine, LensEstimate* refined = nullptr,
-                                                 double given_sigma = 0) {
+                                                 double given_sigma = 0,
+                                                 std::string* contradiction = nullptr) {
     MetricOdometry::Options options = optionsFor(drive.cameraHeight());
     options.odometry.refine_camera = refine;
     PinholeCamera camera = drive.camera();
@@ -41,6 +43,7 @@ class SelfCalibration : public testing::Test {
           is_exact ? drive.image(i) : distortion.image(drive.image(i)), drive.frame(i).stamp_ns));
     }
     if (refined) *refined = odometry.lens();
+    if (contradiction) *contradiction = odometry.finalLensContradiction();
     return outputs;
   }
 };
@@ -51,6 +54,7 @@ TEST_F(SelfCalibration, FindsThePlantedDistortionAndContinuesTheMap) {
   LensEstimate refined;
   const auto outputs = run(drive, planted, true, &refined);
   EXPECT_NEAR(refined.lens.k1, planted.k1, 0.015);
+  EXPECT_EQ(refined.lens.camera.k1_sigma, refined.sigmas()[3]);
   EXPECT_TRUE(refined.lens.camera.lens_is_estimated);
   std::set<std::uint64_t> before;
   bool has_changed = false;
@@ -78,12 +82,75 @@ TEST_F(SelfCalibration, FindsThePlantedDistortionAndContinuesTheMap) {
   EXPECT_TRUE(outputs.back().pose());
 }
 
+// A dash cam whose images are taken as those of a pinhole, and one with its own calibration.
+TEST_F(SelfCalibration, KnowsACalibrationOfAnotherLens) {
+  SyntheticDrive::Options straight = mediumImages();
+  straight.frames = 60;
+  for (const SyntheticDrive::Options& options : {curves(60), straight}) {
+    const SyntheticDrive drive(options);
+    for (const double k1 : {0.0, -0.28}) {
+      std::string contradiction;
+      run(drive, Lens(drive.camera(), k1), true, nullptr, 0, &contradiction);
+      EXPECT_EQ(contradiction.find("the motion contradicts the calibration") == 0, k1 != 0)
+          << contradiction;
+      EXPECT_EQ(contradiction.empty(), k1 == 0);
+    }
+  }
+}
+
+TEST(VoFrame, AllItsLengthsAreInOneUnit) {
+  VoFrame frame;
+  frame.T_w_c.translation() = Eigen::Vector3d(1, 2, 3);
+  frame.pose_covariance = Matrix6d::Identity();
+  frame.readout_motion << 1, 2, 3, 4, 5, 6;
+  TrackedFeature feature;
+  feature.p_c = Eigen::Vector3f(1, 2, 3);
+  feature.depth_sigma = 0.5F;
+  frame.features = {feature};
+  scaleLengths(2, &frame);
+  EXPECT_EQ(frame.T_w_c.translation(), Eigen::Vector3d(2, 4, 6));
+  EXPECT_EQ(frame.pose_covariance.diagonal().sum(), 15);  // 4 * 3 of the position
+  EXPECT_EQ(frame.pose_covariance.bottomRightCorner(3, 3).trace(), 3);
+  EXPECT_EQ(frame.readout_motion.head<3>(), Eigen::Vector3d(1, 2, 3));
+  EXPECT_EQ(frame.readout_motion.tail<3>(), Eigen::Vector3d(8, 10, 12));
+  EXPECT_EQ(frame.features[0].p_c, Eigen::Vector3f(2, 4, 6));
+  EXPECT_EQ(frame.features[0].depth_sigma, 1.0F);
+}
+
+TEST_F(SelfCalibration, AMapAfterTheChangeOfTheLensStartsAnew) {
+  const SyntheticDrive drive(curves(130));
+  const Distortion distortion(drive.camera(), Lens{drive.camera(), 0.05, -0.01});
+  MetricOdometry odometry(drive.camera(), optionsFor(drive.cameraHeight()));
+  std::int64_t stamp_ns = 0;
+  const auto process = [&](const cv::Mat& image) {
+    stamp_ns += 100000000;
+    return odometry.process(image, stamp_ns).vo.frame;
+  };
+  for (std::size_t i = 0; i < drive.size(); ++i) process(distortion.image(drive.image(i)));
+  ASSERT_TRUE(odometry.lens().isEstimate());
+  for (int i = 0; i < 15; ++i) process(cv::Mat::zeros(drive.image(0).size(), CV_8U));
+  const std::int64_t black_ns = stamp_ns;
+  int tracked = 0;
+  for (std::size_t i = 0; i < 20; ++i) {
+    const VoFrame frame = process(distortion.image(drive.image(i)));
+    if (frame.status != VoStatus::kTracking) continue;
+    EXPECT_GT(frame.map_start.stamp_ns, black_ns);
+    ++tracked;
+    EXPECT_LT(frame.T_w_c.translation().norm(), 30) << "not in its own frame";
+  }
+  EXPECT_GT(tracked, 10);
+}
+
 TEST_F(SelfCalibration, RefinesAnEstimatedLensFurther) {
   const SyntheticDrive drive(curves(130));
   LensEstimate refined;
   run(drive, Lens{drive.camera(), 0.03, -0.006}, true, &refined, 0.006);
   EXPECT_NEAR(refined.lens.k1, 0.03, 0.01);
   EXPECT_LT(refined.lens.camera.k1_sigma, 0.006);
+  // A lens that was estimated from more drives holds against this one.
+  LensEstimate held;
+  run(drive, Lens{drive.camera(), 0.03, -0.006}, true, &held, 0.0005);
+  EXPECT_LT(std::abs(held.lens.k1), 0.01);
 }
 
 // What is left after another model, in the pixels of the images as they come.

@@ -13,6 +13,13 @@
 
 namespace gsv {
 
+/// The lens that a whole drive shows.
+struct DriveLens {
+  /// The drive's own where it confirms the calibration or does not determine the lens.
+  LensEstimate estimate;
+  std::string contradiction;  ///< LensEstimator::Result::contradiction, while `estimate` is its own
+};
+
 /// The odometry of a drive, without ROS.
 struct DriveRun {
   struct Options {
@@ -25,7 +32,7 @@ struct DriveRun {
     /// Not causal: the record is that of RunRecord::smooth(). `lens` is used from the start, and
     /// not refined any more.
     bool smooth = false;
-    std::optional<LensEstimate> lens;  ///< instead of the drive's, see lensOfDrive()
+    std::optional<DriveLens> lens;  ///< instead of the refined one
   };
   using OnFrame = std::function<void(const RunFrame& frame)>;
 
@@ -35,7 +42,8 @@ struct DriveRun {
   std::size_t used = 0;               ///< images
   std::vector<std::string> warnings;  ///< sentences of DriveReader, and about the result
   /// Why the result is not that of the whole drive, or empty: DriveReader::failure(), speeds of
-  /// another clock or unit, failureOf(), or LensEstimate::contradiction().
+  /// another clock or unit, failureOf(), or that the motion contradicts the
+  /// calibration.
   std::string failure;
 
   /// One line: images read, used and not used; share of the frames with a held scale; where the
@@ -47,12 +55,10 @@ struct DriveRun {
   }
 };
 
-/// The lens that the whole drive shows, for DriveRun::Options; the drive's own where it confirms
-/// the calibration or does not determine the lens. images: of `drive`, read anew at each call.
-/// is_rough: the calibration is that of a field of view; throws DataError if the drive does not
-/// determine the lens.
-LensEstimate lensOfDrive(const RepeatableDrive& images, const DriveReader& drive,
-                         const DriveRun::Options& options, bool is_rough = false);
+/// For DriveRun::Options. images: of `drive`, read anew at each call. is_rough: the calibration is
+/// that of a field of view; throws DataError if the drive does not determine the lens.
+DriveLens lensOfDrive(const RepeatableDrive& images, const DriveReader& drive,
+                      const DriveRun::Options& options, bool is_rough = false);
 
 /// Runs MetricOdometry over the images. on_frame: is called after each one. Throws DataError, and
 /// OptionError: options or settings.

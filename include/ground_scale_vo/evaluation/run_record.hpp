@@ -107,6 +107,7 @@ class OfflineRun {
   void smooth() { record_.smooth(odometry_.smoothed()); }
 
   const LensEstimate& lens() const { return odometry_.lens(); }
+  std::string finalLensContradiction() { return odometry_.finalLensContradiction(); }
   const RunRecord& record() const { return record_; }
   const MetricOdometry::Output& last() const { return last_; }
 

@@ -64,10 +64,10 @@ struct LensEstimate {
   /// prior's lens, the mean is at most kLensParameters.
   double significance(const Lens& current) const;
 
-  /// That the given lens, with which the estimate began, has a radial distortion that no published
-  /// calibration of the camera would have, in one sentence; empty: it has not. Distances before
-  /// the estimate are then wrong.
-  std::string contradiction(const Lens& given) const;
+  /// That the lens of the prior, with which the estimate began, has a focal length or radial
+  /// distortion that no published calibration of the camera would have, as a clause; empty: it has
+  /// not.
+  std::string contradiction(const LensEstimate& prior) const;
 };
 
 /// The lens with its parameters changed by delta.

@@ -74,6 +74,10 @@ class LensEstimator {
     Status status = Status::kTooFew;
     std::string reason;     ///< one sentence unless kOk
     LensEstimate estimate;  ///< of drive and prior; the prior itself unless kOk
+    /// That the drive contradicts the prior's lens, which is then no calibration of this camera:
+    /// one sentence, also when the drive does not determine another one; empty: it does not.
+    /// Distances by the prior's lens are wrong.
+    std::string contradiction;
     /// Residuals with the lens of the prior (poses and points adjusted to it) and with the
     /// estimate.
     double rms_before_px = 0, rms_after_px = 0;

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <future>
 #include <optional>
+#include <string>
 
 #include "ground_scale_vo/common/options.hpp"
 #include "ground_scale_vo/lens/lens_estimator.hpp"
@@ -14,8 +15,8 @@ namespace gsv {
 /// improves the odometry.
 ///
 /// A drive observes the lens where it turns. So the first estimate is made after a turn, and the
-/// next ones when the sum of the turns has grown by a factor: a straight drive costs nothing, and
-/// the cost per frame is bounded.
+/// next ones when the sum of the turns has grown by a factor, which bounds the cost per frame. A
+/// straight drive still contradicts a calibration of another lens, so it is compared with it once.
 class LensRefinement {
  public:
   struct Options {
@@ -32,20 +33,31 @@ class LensRefinement {
   /// made. Returns a better lens when there is one.
   std::optional<LensEstimate> add(const VoFrame& frame, const Lens& in_use);
 
+  /// How the drive contradicts the given calibration, by the latest estimate, in one sentence;
+  /// empty: it does not, or there is none.
+  const std::string& contradiction() const { return contradiction_; }
+  /// The same after the last frame, by all frames with `in_use`: takes as long as an estimate.
+  const std::string& finalContradiction(const Lens& in_use);
+
   /// After the change to another lens: forgets the tracks, which depend on the lens in use.
   void restart();
 
  private:
   void addTurn(const VoFrame& frame);
   std::optional<LensEstimator::Result> finished();
+  void compare(const LensEstimator::Result& result);
+  bool isDue();
 
   Options options_;
   LensEstimator estimator_;
   LensEstimate prior_;
+  std::string contradiction_;
   double turned_ = 0, next_turn_ = 0;  ///< rotation since restart(), and at the next estimate [rad]
   std::optional<Eigen::Matrix3d> R_w_reference_;  ///< of the frame at the last step of turned_
+  bool is_compared_ = false;                      ///< the drive with the calibration
   std::future<LensEstimator::Result> pending_;
   int frames_since_start_ = 0;  ///< of the pending estimate
+  bool is_for_use_ = false;     ///< the drive has turned before it
 };
 
 }  // namespace gsv

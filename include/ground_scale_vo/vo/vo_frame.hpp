@@ -97,4 +97,15 @@ struct VoFrame {
   std::vector<TrackedFeature> features;  ///< ordered by id
 };
 
+/// Multiplies all lengths of the frame, as for another unit.
+inline void scaleLengths(double factor, VoFrame* frame) {
+  frame->T_w_c.translation() *= factor;
+  frame->pose_covariance = withScaledPosition(frame->pose_covariance, factor);
+  frame->readout_motion.tail<3>() *= factor;
+  for (TrackedFeature& feature : frame->features) {
+    feature.p_c *= static_cast<float>(factor);
+    feature.depth_sigma *= static_cast<float>(factor);
+  }
+}
+
 }  // namespace gsv

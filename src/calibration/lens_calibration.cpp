@@ -4,6 +4,8 @@
 #include <cmath>
 #include <limits>
 #include <opencv2/imgproc.hpp>
+#include <optional>
+#include <utility>
 
 #include "common/text.hpp"
 #include "ground_scale_vo/common/error.hpp"
@@ -15,8 +17,10 @@ namespace {
 constexpr double kRoughFocalSigma = 0.2;
 constexpr double kRoughCentreSigma = 0.016;  // [image widths]
 constexpr double kRoughK1Sigma = 0.1, kRoughK2Sigma = 0.1;
-/// The lens of the first run is wrong: it need not determine the principal point as well.
-constexpr double kFirstRunFactor = 3;
+/// On the largest standard deviation of the principal point, without a calibration: metres need it
+/// less well than a camera file does. The lens of the first run is wrong.
+constexpr double kRoughFactor = 2, kFirstRunFactor = 3;
+constexpr std::size_t kMaxStarts = 3;  ///< that are tried until one leads to a lens
 /// Least number of tracks of a start, as a share of that of the start with most: the odometry of a
 /// wrong lens is lost, and what it has tracked before fits.
 constexpr double kMinTracks = 0.7;
@@ -75,7 +79,7 @@ LensEstimator LensCalibration::track(const RepeatableDrive& drive, const Lens& l
   const Undistortion undistortion(calibrationOf(lens), mask);
   VisualOdometry odometry(lens.camera, options_.vo, undistortion.mask());
   LensEstimator::Options options = options_.estimator;
-  if (is_first && options_.is_rough) options.max_centre_sigma *= kFirstRunFactor;
+  if (options_.is_rough) options.max_centre_sigma *= is_first ? kFirstRunFactor : kRoughFactor;
   LensEstimator estimator(options);
   drive([&](const cv::Mat& image, std::int64_t stamp_ns) {
     if (estimator.keyframes() >= max_keyframes) return;
@@ -93,8 +97,8 @@ LensEstimate LensCalibration::priorOf(const Lens& calibration) const {
   return {calibration, sigmas.cwiseAbs2().asDiagonal()};
 }
 
-Lens LensCalibration::bestStart(const RepeatableDrive& drive, const Lens& pinhole,
-                                const cv::Mat& mask) const {
+std::vector<Lens> LensCalibration::bestStarts(const RepeatableDrive& drive, const Lens& pinhole,
+                                              const cv::Mat& mask) const {
   const std::vector<Lens> starts = startsOf(pinhole);
   std::vector<LensEstimator::Result> results;
   std::size_t most_tracks = 0;
@@ -103,22 +107,39 @@ Lens LensCalibration::bestStart(const RepeatableDrive& drive, const Lens& pinhol
         track(drive, start, mask, true, kStartKeyframes).estimate(priorOf(start), start));
     most_tracks = std::max(most_tracks, results.back().tracks);
   }
-  const auto error = [&](const LensEstimator::Result& result) {
+  std::vector<std::pair<double, std::size_t>> order;  // by the residuals
+  for (std::size_t i = 0; i < starts.size(); ++i) {
+    const LensEstimator::Result& result = results[i];
     const bool is_lost =
         static_cast<double>(result.tracks) < kMinTracks * static_cast<double>(most_tracks);
     const bool is_usable = result.status != LensEstimator::Status::kTooFew && !is_lost;
-    return is_usable ? result.rms_before_px : std::numeric_limits<double>::infinity();
-  };
-  const auto best =
-      std::min_element(results.begin(), results.end(),
-                       [&](const auto& a, const auto& b) { return error(a) < error(b); });
-  return starts[static_cast<std::size_t>(best - results.begin())];
+    order.emplace_back(is_usable ? result.rms_before_px : std::numeric_limits<double>::infinity(),
+                       i);
+  }
+  std::sort(order.begin(), order.end());
+  std::vector<Lens> best;
+  for (std::size_t i = 0; i < std::min(kMaxStarts, order.size()); ++i) {
+    best.push_back(starts[order[i].second]);
+  }
+  return best;
 }
 
 LensCalibration::Result LensCalibration::calibrate(const std::vector<RepeatableDrive>& drives,
                                                    const Lens& given, const cv::Mat& mask) const {
+  if (!options_.is_rough) return calibrateFrom(given, drives, mask);
+  std::optional<Result> first;
+  for (const Lens& start : bestStarts(drives.front(), given, mask)) {
+    const Result result = calibrateFrom(start, drives, mask);
+    if (result.status == LensEstimator::Status::kOk) return result;
+    if (!first) first = result;
+  }
+  return *first;
+}
+
+LensCalibration::Result LensCalibration::calibrateFrom(const Lens& calibration,
+                                                       const std::vector<RepeatableDrive>& drives,
+                                                       const cv::Mat& mask) const {
   Result result;
-  const Lens calibration = options_.is_rough ? bestStart(drives.front(), given, mask) : given;
   result.prior = result.estimate = priorOf(calibration);
   std::vector<LensVector> lenses;  // of the runs whose mean is the estimate
   const int max_runs = options_.is_rough ? 2 * options_.max_runs : options_.max_runs;

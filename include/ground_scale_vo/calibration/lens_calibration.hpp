@@ -75,8 +75,12 @@ class LensCalibration {
                       bool is_first,
                       std::size_t max_keyframes = std::numeric_limits<std::size_t>::max()) const;
   LensEstimate priorOf(const Lens& calibration) const;
-  /// The start with which the first keyframes of a drive leave the smallest residuals.
-  Lens bestStart(const RepeatableDrive& drive, const Lens& pinhole, const cv::Mat& mask) const;
+  /// The starts with which the first keyframes of a drive leave the smallest residuals, in their
+  /// order.
+  std::vector<Lens> bestStarts(const RepeatableDrive& drive, const Lens& pinhole,
+                               const cv::Mat& mask) const;
+  Result calibrateFrom(const Lens& calibration, const std::vector<RepeatableDrive>& drives,
+                       const cv::Mat& mask) const;
 
   Options options_;
 };

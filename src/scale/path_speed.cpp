@@ -58,6 +58,8 @@ constexpr int kMinRejected = 3;  ///< [pieces] consecutive ones, to be named
 constexpr int kMinSignedPieces = 5;
 constexpr double kMinAlongAxis = 0.5;  ///< of a camera that looks along or against the motion
 
+/// Of ln of a height and of a speed together, as they are measured on vehicles.
+constexpr double kMaxHeightError = 0.07;
 constexpr double kHeightSigmas = 3;                       ///< of a deviation that is named
 constexpr double kLeastHeight = 0.2, kLargestHeight = 4;  ///< [m] of a camera on a vehicle
 
@@ -66,7 +68,7 @@ constexpr double kMeanMemory = 5, kSumMemory = 60;  ///< [pieces]
 constexpr double kMinPieces = 8;
 constexpr double kMinDelay = 0.13;      ///< [s] that is named
 constexpr double kMinSignificance = 4;  ///< [standard deviations]
-constexpr double kMinExplained = 0.5;   ///< share of the squared deviations of the pieces
+constexpr double kMinExplained = 0.75;  ///< share of the squared deviations of the pieces
 
 }  // namespace
 
@@ -125,6 +127,7 @@ void SpeedTrack::updateRuns(const SpeedSample& sample) {
   const double dt = secondsBetween(newest_.stamp_ns, sample.stamp_ns);
   const bool is_zero = std::abs(sample.speed) < kZero, was_zero = std::abs(newest_.speed) < kZero;
   const bool is_equal = sample.speed == newest_.speed, repeats = is_equal && !is_zero;
+  has_varied_ = has_varied_ || (!is_equal && !is_zero && !was_zero);
   if (!is_equal && !was_zero) held_s_ = std::min(run_s_, kMinRepeatedTime);
   run_s_ = is_equal ? run_s_ + dt : 0;
   repeated_ = repeats ? repeated_ + 1 : 0;
@@ -328,6 +331,10 @@ std::string PathSpeed::warning(std::int64_t stamp_ns) const {
     return format("the speed jumps to %.2f m/s: wheel slip, or a sensor that fails",
                   speeds_.newest().speed);
   }
+  if (!speeds_.hasVaried() && speeds_.repeats()) {
+    return format("the speed has been %.2f m/s from the start: it is not used until it changes",
+                  speeds_.newest().speed);
+  }
   if (rejected_ >= kMinRejected && speeds_.repeats()) {
     return format("the speed repeats %.2f m/s while the motion changes: the sensor is stuck",
                   speeds_.newest().speed);
@@ -350,16 +357,16 @@ std::string PathSpeed::warning(std::int64_t stamp_ns) const {
   return "";
 }
 
-std::string heightError(double given, const ScaleEstimate& scale) {
-  const double learned = scale.camera_height;
+std::string heightError(double given, double given_sigma, double by_speeds) {
+  const double learned = by_speeds;
   if (learned == 0) return "";
   if (given > 0) {
+    const double limit = std::max(kMaxHeightError, kHeightSigmas * given_sigma / given);
     const std::string mistake = unitMistake(learned / given);
-    return mistake.empty() ? ""
-                           : format(
-                                 "the camera height is given as %.2f m, but by the speeds it is "
-                                 "%.2f m: their unit looks like %s",
-                                 given, learned, mistake.c_str());
+    if (mistake.empty() && std::abs(std::log(learned / given)) < limit) return "";
+    return format("the camera height is given as %.2f m, but by the speeds it is %.2f m: ", given,
+                  learned) +
+           (mistake.empty() ? "one of them is wrong" : "their unit looks like " + mistake);
   }
   const auto isUsual = [](double height) {
     return height >= kLeastHeight && height <= kLargestHeight;

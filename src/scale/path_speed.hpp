@@ -49,6 +49,9 @@ class SpeedTrack {
   /// stuck.
   bool repeats() const { return repeated_ >= kMinRepeated && repeated_s_ > kMinRepeatedTime; }
 
+  /// Whether a moving vehicle has had two speeds: a sensor may be stuck from the start.
+  bool hasVaried() const { return has_varied_; }
+
   /// Whether the latest speeds agree with the motion of the odometry, as its user has found. Those
   /// that do not are of no use where the odometry has no pose.
   bool agrees() const { return agrees_; }
@@ -87,7 +90,8 @@ class SpeedTrack {
   double held_s_ = 0;     ///< heldTime()
   int out_of_range_ = 0;  ///< consecutive samples
   double newest_out_of_range_ = 0;
-  bool has_moved_ = false;     ///< any sample was not zero
+  bool has_moved_ = false;  ///< any sample was not zero
+  bool has_varied_ = false;
   bool zero_is_stop_ = false;  ///< the newest sample is zero, and the speed before was low
 };
 
@@ -153,10 +157,10 @@ class PathSpeed {
   double pieces_ = 0, ratio_squares_ = 0, acceleration_squares_ = 0, products_ = 0;
 };
 
-/// One sentence that names the unit of the speeds, if the height by them is that of no camera on a
-/// vehicle (given [m]: 0, not known) or deviates from the given one by the factor of a unit. Empty:
-/// neither.
-std::string heightError(double given, const ScaleEstimate& scale);
+/// One sentence, which names the unit where it fits, if the camera height by the speeds [m] is that
+/// of no camera on a vehicle, or contradicts the given one [m], whose standard deviation may be
+/// infinite: only the factor of a unit does then. Empty: neither. 0: not known.
+std::string heightError(double given, double given_sigma, double by_speeds);
 /// One sentence with both heights if the one by the speeds deviates from the given one [m] by more
 /// than three standard deviations of either. Empty: none is given, or it does not.
 std::string heightWarning(double given, double given_sigma, const ScaleEstimate& scale);

@@ -60,6 +60,11 @@ double ScaleFilter::scaleSigma() const {
   return known() ? scale() * state_.scaleSigma(nis_scale_) : 0;
 }
 
+double ScaleFilter::heightBySpeeds() const {
+  return contradicting_log_height_ ? scale() * std::exp(*contradicting_log_height_)
+                                   : cameraHeight();
+}
+
 void ScaleFilter::predict(double distance, double angle, double k1_sigma) {
   distance_ += distance;
   turned_ += angle;
@@ -176,6 +181,7 @@ void ScaleFilter::updateNisScale(double nis, SourceState* source) {
 /// measurements start from the filter's own height and would confirm a wrong one, so they do not
 /// clear feature-based ones that deviate strongly.
 void ScaleFilter::clearRejected(Source source) {
+  contradicting_log_height_.reset();
   stateOf(Source::kDirect).rejected.clear();
   ContradictingRun& feature_based = stateOf(Source::kFeatureBased).rejected;
   const bool deviates =
@@ -204,7 +210,11 @@ bool ScaleFilter::restart(const Measurement& measurement, SourceState* source) {
       (!hasCameraHeight() ||
        std::abs(measurement.log_height - state_[HeightState::kHeight]) < kOtherUnit);
   const auto agreement = run.agreement(kMaxDeviation);
-  if (is_confirmed_by_speed || !agreement) return false;
+  if (!agreement) return false;
+  if (is_confirmed_by_speed) {
+    contradicting_log_height_ = agreement->value;
+    return false;
+  }
   tilt_distance_ = distance_;
   wrong_since_ = run.since();
   start({agreement->value, agreement->variance, measurement.road_distance,
@@ -250,6 +260,7 @@ void ScaleFilter::startFromSpeed(double log_scale, double variance) {
 void ScaleFilter::started() {
   started_ = true;
   rejected_speeds_.clear();
+  contradicting_log_height_.reset();
   start_distance_ = distance_;
   nis_scale_ = 1;
   for (SourceState& source : sources_) source = {distance_, distance_, {}};

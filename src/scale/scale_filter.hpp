@@ -60,6 +60,10 @@ class ScaleFilter {
   double cameraHeight() const { return state_.cameraHeight(); }            ///< h* [m]
   double cameraHeightSigma() const { return state_.cameraHeightSigma(); }  ///< [m]
 
+  /// h* by the speeds [m]: cameraHeight(), or while consistent planes contradict the speeds, the
+  /// height that these have by the scale.
+  double heightBySpeeds() const;
+
   /// A refined lens replaces the one of the images so far.
   void changeLens();
 
@@ -113,6 +117,8 @@ class ScaleFilter {
   std::deque<double> inverse_heights_;    ///< of the moving average
   ContradictingRun rejected_speeds_;      ///< ln of the ratio
   std::optional<double> speed_distance_;  ///< distance_ at the latest accepted speed
+  /// ln of the height by planes that contradict a state of speeds.
+  std::optional<double> contradicting_log_height_;
 };
 
 }  // namespace gsv

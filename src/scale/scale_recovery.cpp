@@ -1,6 +1,7 @@
 #include "ground_scale_vo/scale/scale_recovery.hpp"
 
 #include <algorithm>
+#include <limits>
 #include <utility>
 
 #include "common/text.hpp"
@@ -204,6 +205,8 @@ bool ScaleRecovery::Impl::updateFilter(Output* output) {
 void ScaleRecovery::Impl::measureSpeed(Output* output) {
   const std::optional<PathSpeed::Piece> piece = path_speed.measure(map.path, filter.scale());
   if (!piece) return;
+  // With a camera height, nothing depends on a sensor that may be stuck.
+  if (filter.hasCameraHeight() && !path_speed.speeds().hasVaried()) return;
   const bool accepted =
       !piece->has_failed && filter.updateSpeed(piece->metres_per_unit, piece->relative_sigma);
   path_speed.add(*piece, accepted, map.path);
@@ -275,7 +278,11 @@ void ScaleRecovery::Impl::fillEstimate(ScaleEstimate* scale) const {
     scale->camera_height = filter.cameraHeight();
     scale->camera_height_sigma = filter.cameraHeightSigma();
   }
-  if (!filter.known() || !heightError(options.camera_height, *scale).empty()) {
+  const bool is_of_other_unit =
+      !heightError(options.camera_height, std::numeric_limits<double>::infinity(),
+                   scale->camera_height)
+           .empty();
+  if (!filter.known() || is_of_other_unit) {
     scale->source = ScaleSource::kNone;
     return;
   }
@@ -317,7 +324,9 @@ ScaleRecovery::Output ScaleRecovery::process(const VoFrame& frame, const cv::Mat
   if (options.use_speed) {
     output.speed_error = impl_->path_speed.error();
     if (output.speed_error.empty()) {
-      output.speed_error = heightError(options.camera_height, output.scale);
+      output.speed_error =
+          heightError(options.camera_height, options.cameraHeightSigma(),
+                      output.scale.camera_height > 0 ? impl_->filter.heightBySpeeds() : 0);
     }
     if (output.speed_error.empty()) {
       output.speed_warning = impl_->path_speed.warning(frame.stamp_ns);

@@ -88,6 +88,18 @@ TEST(Speed, FaultsOfTheSensorAreNamedAndDoLittleHarm) {
             std::string::npos);
 }
 
+// The circumference of the wheels of another car, or the height of another camera.
+TEST(Speed, ThatContradictsTheRoadAndTheHeightIsAnError) {
+  const RenderedDrive& straight = straightDrive();
+  for (const double factor : {1.0, 1.25}) {
+    std::vector<SpeedSample> speeds = simulateSpeeds(straight.drive);
+    for (SpeedSample& sample : speeds) sample.speed *= factor;
+    const RunRecord record = straight.run({true, speeds});
+    EXPECT_EQ(record.frames().back().speed_error.empty(), factor == 1)
+        << record.frames().back().speed_error;
+  }
+}
+
 // A lorry hides the road: only the speed tells that the vehicle stands, and how far it drives.
 TEST(Speed, MeasuresWithoutARoadAndConfirmsAStandstill) {
   const RenderedDrive traffic(reducedDrive(findScenario("traffic_passes").options));

@@ -139,6 +139,23 @@ TEST(PathSpeed, NamesWhatIsWrong) {
   EXPECT_TRUE(contains(other_clock.warning(0), "1000.0 s later than the images"));
 }
 
+TEST(PathSpeed, OfTheMapBeforeIsNotCurrent) {
+  PathSpeed path_speed(0.05);
+  for (int i = 0; i < 10; ++i) path_speed.add({ns(0.5 * i), 8 + 0.1 * i, 0});
+  CameraPath path;
+  for (int i = 0; i < 5; ++i) {
+    path.add({ns(0.5 * i), Eigen::Isometry3d(Eigen::Translation3d(0, 0, 4.0 * i))});
+  }
+  const auto piece = path_speed.measure(path, 1);
+  ASSERT_TRUE(piece);
+  path_speed.add(*piece, true, path);
+  EXPECT_TRUE(path_speed.isCurrent(path, 1));
+  path_speed.startMap();
+  CameraPath next;
+  next.add({ns(2.5), Eigen::Isometry3d::Identity()});
+  EXPECT_FALSE(path_speed.isCurrent(next, 1));
+}
+
 TEST(CameraHeight, AnImplausibleOneIsNamedWithBothNumbers) {
   EXPECT_EQ(heightWarning(1.65, 0.02, learned(1.58, 0.01)),
             "the camera height is given as 1.65 +- 0.02 m, but by the speeds it is 1.58 +- 0.01 m: "
@@ -151,20 +168,21 @@ TEST(CameraHeight, AnImplausibleOneIsNamedWithBothNumbers) {
   EXPECT_EQ(heightWarning(0, 0, learned(0, 0)), "") << "not known yet";
 }
 
-TEST(CameraHeight, ThatOfNoVehicleOrByTheFactorOfAUnitIsAnError) {
-  EXPECT_EQ(heightError(0, learned(1.58, 0.01)), "");
-  EXPECT_EQ(heightError(0, learned(0, 0)), "") << "not known yet";
-  EXPECT_EQ(heightError(0, learned(5.94, 0.05)),
+TEST(CameraHeight, ThatOfNoVehicleOrAnotherThanTheGivenIsAnError) {
+  EXPECT_EQ(heightError(0, 0, 1.58), "");
+  EXPECT_EQ(heightError(0, 0, 0), "") << "not known yet";
+  EXPECT_EQ(heightError(0, 0, 5.94),
             "the camera height is 5.94 m by the speeds, outside 0.2 to 4 m: their unit looks like "
             "km/h (1.65 m) or mph (2.66 m) or knots (3.06 m)");
-  EXPECT_EQ(heightError(0, learned(0.15, 0.01)),
+  EXPECT_EQ(heightError(0, 0, 0.15),
             "the camera height is 0.15 m by the speeds, outside 0.2 to 4 m: they look like m/s "
             "taken as km/h (0.54 m) or mph (0.34 m) or knots (0.29 m)");
-  EXPECT_EQ(heightError(1.65, learned(1.8, 0.05)), "");
-  EXPECT_EQ(
-      heightError(1.65, learned(3.7, 0.05)),
-      "the camera height is given as 1.65 m, but by the speeds it is 3.70 m: their unit looks "
-      "like mph taken as m/s");
+  const std::string given = "the camera height is given as 1.65 m, but by the speeds it is ";
+  EXPECT_EQ(heightError(1.65, 0.02, 1.76), "");
+  EXPECT_EQ(heightError(1.65, 0.02, 1.8), given + "1.80 m: one of them is wrong");
+  EXPECT_EQ(heightError(1.65, 0.02, 1.5), given + "1.50 m: one of them is wrong");
+  EXPECT_EQ(heightError(1.65, 0.1, 1.8), "") << "it is given as uncertain";
+  EXPECT_EQ(heightError(1.65, 0.02, 3.7), given + "3.70 m: their unit looks like mph taken as m/s");
 }
 
 }  // namespace

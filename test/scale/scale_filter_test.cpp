@@ -224,6 +224,24 @@ TEST(ScaleFilter, TheMovingAverageIsOverTheScaleNotTheHeight) {
   EXPECT_NEAR(1 / filter.height(), 2.0, 1e-12);
 }
 
+TEST(ScaleFilter, ALearnedCameraHeightOutlastsTheMap) {
+  ScaleFilter filter({}, {1.65, 0.5, 0});
+  for (int i = 0; i < 100; ++i) {
+    filter.predict(1, 0, 0.003);
+    filter.updateSpeed(2, 0.01);
+    filter.update(0.95, 0.01, kRoadDistance);  // 1.9 m
+  }
+  const double sigma = filter.cameraHeightSigma();
+  EXPECT_NEAR(filter.cameraHeight(), 1.9, 0.02);
+  EXPECT_LT(sigma, 0.05);
+  filter.startMap();
+  EXPECT_NEAR(filter.cameraHeight(), 1.9, 0.02);
+  EXPECT_EQ(filter.cameraHeightSigma(), sigma);
+  filter.predict(10, 0, 0.003);
+  filter.update(3.8, 0.01, 4 * kRoadDistance);
+  EXPECT_NEAR(filter.scale(), 0.5, 0.02);
+}
+
 TEST(ScaleFilter, ATurnAddsLessNoiseWithAKnownLens) {
   const auto sigmaAfterTurn = [](double k1_sigma) {
     Filter filter(withoutNisScaling());

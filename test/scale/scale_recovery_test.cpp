@@ -331,6 +331,18 @@ TEST(ScaleRecovery, AfterAChangeOfTheUnitTheScaleIsFoundAgain) {
   EXPECT_NEAR(output.scale.scale / (kTrueScale / 50), 1, 0.02);
 }
 
+TEST(ScaleRecovery, AnotherLensMakesTheScaleUncertain) {
+  const RoadScene scene = pitchedRoad();
+  const auto sigmaAfter = [&](Continuity continuity) {
+    ScaleRecovery recovery(recoveryOptions());
+    run(&recovery, scene, 60);
+    VoFrame frame = scene.frame(60);
+    frame.continuity = continuity;
+    return recovery.process(frame).scale.sigma;
+  };
+  EXPECT_GT(sigmaAfter(Continuity::kOtherLens), 1.08 * sigmaAfter(Continuity::kSameMap));
+}
+
 TEST(ScaleRecovery, NewMapRestartsTheScaleAndContinuesTheOdometry) {
   const RoadScene scene = pitchedRoad();
   const RoadScene other = inUnit(3, scene);

@@ -4,8 +4,17 @@
 
 namespace gsv {
 
-void CameraInput::setCalibration(const CameraCalibration& calibration, const std::string& source) {
+void CameraInput::setCalibration(const CameraCalibration& given, const std::string& source) {
   source_ = source;
+  CameraCalibration calibration = given;
+  if (!given.hasSize()) {
+    if (!camera_) {
+      unsized_ = given;
+      return;
+    }
+    calibration.width = camera_->width;
+    calibration.height = camera_->height;
+  }
   try {
     requireMask(mask_, pinholeOf(calibration), mask_name_);
   } catch (const OptionError& error) {
@@ -15,6 +24,7 @@ void CameraInput::setCalibration(const CameraCalibration& calibration, const std
       checkCalibration(calibration, source_, {calibration.width, calibration.height});
   if (!calibrations_.accepts(calibration)) throw DataError(calibrationError());
   warning_ = warning;
+  unsized_.reset();
   if (camera_ && isSameCalibration(*camera_, *calibrations_.current())) return;
   camera_ = std::make_shared<const CameraCalibration>(calibration);
 }
@@ -47,6 +57,13 @@ std::string CameraInput::sourceError(const std::string& image_topic) const {
 }
 
 cv::Mat CameraInput::grey(const cv::Mat& pixels, const std::string& encoding) {
+  if (unsized_) {
+    checkCalibration(*unsized_, source_, pixels.size());
+    CameraCalibration sized = *unsized_;
+    sized.width = pixels.cols;
+    sized.height = pixels.rows;
+    setCalibration(sized, source_);
+  }
   const cv::Size size(camera_->width, camera_->height);
   if (pixels.size() != size) checkCalibration(*camera_, source_, pixels.size());  // throws
   return grey_converter_.convert(pixels, encoding);

@@ -2,6 +2,7 @@
 
 #include <memory>
 #include <opencv2/core.hpp>
+#include <optional>
 #include <string>
 #include <utility>
 
@@ -23,15 +24,20 @@ class CameraInput {
       : image_is_rectified_(image_is_rectified), mask_(mask), mask_name_(std::move(mask_name)) {}
 
   /// Throws DataError that names the source, also while the calibration keeps changing and for one
-  /// whose image size the mask does not have; the previous calibration stays in use then.
-  /// Precondition: the calibration has a size.
+  /// whose image size the mask does not have; the previous calibration stays in use then. One
+  /// without a size has that of the images: if there is none yet, grey() begins with it.
   void setCalibration(const CameraCalibration& calibration, const std::string& source);
   /// The same for a camera_info. image_topic: for warning().
   void setCameraInfo(const CameraInfo& info, const std::string& topic,
                      const std::string& image_topic = {});
 
-  /// Of the images as they come; null before the first valid calibration. A new object if and only
-  /// if the next image does not continue the ones before it: calibration or frame_id changed.
+  /// There is a calibration for the next image: camera(), or one without a size.
+  bool isReady() const { return camera_ || unsized_; }
+  const std::optional<CameraCalibration>& unsized() const { return unsized_; }
+
+  /// Of the images as they come; null before the first valid calibration with a size. A new object
+  /// if and only if the next image does not continue the ones before it: calibration or frame_id
+  /// changed.
   const std::shared_ptr<const CameraCalibration>& camera() const { return camera_; }
   const cv::Mat& mask() const { return mask_; }
   /// How image_is_rectified contradicts the last valid camera_info, or what is suspicious about the
@@ -43,7 +49,7 @@ class CameraInput {
   std::string sourceError(const std::string& image_topic) const;
 
   /// GreyConverter::convert(). Throws DataError: not the size of the calibration. Precondition:
-  /// camera() is not null.
+  /// isReady().
   cv::Mat grey(const cv::Mat& pixels, const std::string& encoding = {});
   /// Whether an image that can be used is of the camera in use; else sourceError() says why not.
   bool isOfCamera(const std::string& frame_id);
@@ -54,6 +60,7 @@ class CameraInput {
   const std::string mask_name_;
   std::string source_, warning_;  ///< of camera_
   std::shared_ptr<const CameraCalibration> camera_;
+  std::optional<CameraCalibration> unsized_;  ///< without a size, while there is no camera_
   SourceGuard<CameraCalibration> calibrations_{isSameCalibration};
   SourceGuard<std::string> frame_ids_;
   GreyConverter grey_converter_;

@@ -32,6 +32,7 @@ namespace gsv {
 namespace {
 
 constexpr std::uint32_t kInputQueue = 100;  // [messages] that wait for their callback
+constexpr std::size_t kMaxWaitingInfos = 20;
 
 }  // namespace
 
@@ -41,7 +42,8 @@ constexpr std::uint32_t kInputQueue = 100;  // [messages] that wait for their ca
 ///
 /// The callback stores the image, a compressed one decoded; a posted task processes one stored
 /// image after all callbacks that wait. So the newest `queue_size` images are always in the queue,
-/// and dropped ones are counted exactly.
+/// and dropped ones are counted exactly. Images and camera_info arrive on two connections, in any
+/// order: an image has the latest camera_info that is not stamped later.
 class MonoVoNodelet : public StageNodelet {
  public:
   MonoVoNodelet() : StageNodelet("odometry", "image", "images") {}
@@ -66,6 +68,10 @@ class MonoVoNodelet : public StageNodelet {
   /// One sentence while the focal length is not that of the calibration, else empty.
   std::string zoomError() const;
   void onCameraInfo(const sensor_msgs::CameraInfoConstPtr& info);
+  void useCameraInfos(const ros::Time& until);
+  void useCameraInfo(const sensor_msgs::CameraInfo& info);
+  /// The camera_info of the only stored image is still to come.
+  bool awaitsCameraInfo() const;
   void onCompressedImage(const sensor_msgs::CompressedImageConstPtr& compressed);
   void onImage(const sensor_msgs::ImageConstPtr& image);
   void dropImage(const std::string& kind, const std::string& reason);
@@ -89,6 +95,9 @@ class MonoVoNodelet : public StageNodelet {
   ros::Subscriber compressed_subscriber_;         ///< with `compressed` and `raw_or_compressed`
   image_transport::Subscriber image_subscriber_;  ///< with all but `compressed`
   std::unique_ptr<CameraInput> input_;
+  std::deque<sensor_msgs::CameraInfoConstPtr> camera_infos_;  ///< that wait for their images
+  ros::Time newest_info_, used_info_;                         ///< their stamps
+  bool image_has_info_ = false;    ///< the last image was stamped as a camera_info
   std::string camera_info_error_;  ///< of the last camera_info; empty: it was accepted
   std::string image_error_;        ///< of the last image that was dropped
   std::deque<ReceivedImage> images_;
@@ -177,9 +186,30 @@ std::string MonoVoNodelet::saveCamera() const {
 }
 
 void MonoVoNodelet::onCameraInfo(const sensor_msgs::CameraInfoConstPtr& info) {
+  const ros::Time stamp = info->header.stamp;
+  if (stamp < newest_info_) useCameraInfos(ros::TIME_MAX);  // the clock jumped back
+  newest_info_ = stamp;
+  camera_infos_.push_back(info);
+  const bool is_full = camera_infos_.size() > kMaxWaitingInfos;
+  if (!input_->isReady() || stamp.isZero() || is_full) {
+    useCameraInfos(camera_infos_.front()->header.stamp);
+  }
+  scheduleProcessing();
+}
+
+void MonoVoNodelet::useCameraInfos(const ros::Time& until) {
+  while (!camera_infos_.empty() && camera_infos_.front()->header.stamp <= until) {
+    const sensor_msgs::CameraInfoConstPtr info = camera_infos_.front();
+    camera_infos_.pop_front();
+    used_info_ = info->header.stamp;
+    useCameraInfo(*info);
+  }
+}
+
+void MonoVoNodelet::useCameraInfo(const sensor_msgs::CameraInfo& info) {
   camera_info_error_.clear();
   try {
-    input_->setCameraInfo(fromMsg(*info), camera_info_subscriber_.getTopic(), imageTopic());
+    input_->setCameraInfo(fromMsg(info), camera_info_subscriber_.getTopic(), imageTopic());
   } catch (const DataError& error) {
     camera_info_error_ = error.what();
     log_->drop("camera_info refused", camera_info_error_,
@@ -187,7 +217,10 @@ void MonoVoNodelet::onCameraInfo(const sensor_msgs::CameraInfoConstPtr& info) {
     return;
   }
   log_->warnOfState(input_->warning());
-  scheduleProcessing();
+}
+
+bool MonoVoNodelet::awaitsCameraInfo() const {
+  return image_has_info_ && images_.size() == 1 && newest_info_ < images_.front().header.stamp;
 }
 
 void MonoVoNodelet::onCompressedImage(const sensor_msgs::CompressedImageConstPtr& compressed) {
@@ -217,13 +250,15 @@ void MonoVoNodelet::store(const ReceivedImage& image) {
   if (images_.size() == static_cast<std::size_t>(params_.queue_size)) {
     images_.pop_front();
     ++dropped_from_queue_;
+    image_has_info_ = false;  // do not wait for a camera_info that does not come
   }
   images_.push_back(image);
   scheduleProcessing();
 }
 
 void MonoVoNodelet::scheduleProcessing() {
-  if (processing_scheduled_ || images_.empty() || !input_->camera()) return;
+  if (processing_scheduled_ || images_.empty() || !input_->isReady()) return;
+  if (awaitsCameraInfo()) return;
   processing_scheduled_ = true;
   post([this] {
     processing_scheduled_ = false;
@@ -239,6 +274,8 @@ void MonoVoNodelet::scheduleProcessing() {
 void MonoVoNodelet::processOldest() {
   const ReceivedImage image = images_.front();
   images_.pop_front();
+  useCameraInfos(image.header.stamp);
+  image_has_info_ = used_info_ == image.header.stamp;
   const cv::Mat grey = greyOf(image);
   if (grey.empty()) return;
   const auto process_image = [=, camera = input_->camera()](bool clock_jumped_back) {
@@ -327,8 +364,6 @@ void MonoVoNodelet::publishLens(const std_msgs::Header& header) {
                                 << lens.camera.cx << ", cy " << lens.camera.cy << ", k1 " << lens.k1
                                 << " (standard deviation " << odometry_->lens().sigmas()[3]
                                 << "), k2 " << lens.k2);
-  const std::string error = odometry_->lens().contradiction(lensOf(*odometry_camera_));
-  if (!error.empty()) log_->error("lens", error);
 }
 
 std::string MonoVoNodelet::imageTopic() const {
@@ -358,17 +393,16 @@ StageNodelet::State MonoVoNodelet::describe(Diagnostics& status) {
                                          [](const TrackedFeature& f) { return f.has_point; }));
   State state;
   state.dropped = dropped_from_queue_ + log_->dropped("image ");
-  if (!input_->camera() && !camera_info_error_.empty()) {
+  if (!input_->isReady() && !camera_info_error_.empty()) {
     state.errors = {camera_info_error_};
     return state;
   }
   state.missing = missingInput(imageTopic());
-  if (state.missing.empty() && !input_->camera()) {
+  if (state.missing.empty() && !input_->isReady()) {
     state.missing = "no camera_info received yet on " + camera_info_subscriber_.getTopic();
   }
   state.errors = {input_->sourceError(imageTopic()),
-                  odometry_ ? odometry_->lens().contradiction(lensOf(*odometry_camera_)) : "",
-                  zoomError()};
+                  odometry_ ? odometry_->lensContradiction() : "", zoomError()};
   if (processed() == 0 && !image_error_.empty()) {
     state.errors.push_back("no usable image: " + image_error_);
   }

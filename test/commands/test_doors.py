@@ -187,6 +187,11 @@ def smaller(message, _):
     return message
 
 
+def unsized(message, _):
+    message.width = message.height = 0
+    return message
+
+
 def binned(message, _):
     message.binning_x = message.binning_y = 2
     return message
@@ -303,6 +308,7 @@ CASES = {
     "12 bits in a bag": Case(bag_of(lambda m: with_pixels(m, grey_of(m).astype(np.uint16) * 16, "mono16")), ("--rectified",)),
     "rgb8 in a bag": Case(bag_of(lambda m: with_pixels(m, cv2.cvtColor(grey_of(m), cv2.COLOR_GRAY2RGB), "rgb8")),
                           ("--rectified",)),
+    "camera_info without a size": Case(bag_of(change_info=unsized), ("--rectified",)),
     "compressed images of any name": Case(bag_of(as_png, topic="/cam/jpeg", info="/cam/camera_info"), (),
                                           launch=("image:=/cam/jpeg", f"camera_height:={CAMERA_HEIGHT}")),
     "topics without a slash": Case(bag_of(topic="cam/image", info="cam/camera_info"), (),

@@ -52,6 +52,29 @@ TEST(CameraInput, ReplacesItsCameraOnlyForAnotherValidCalibration) {
   }
 }
 
+TEST(CameraInput, ACalibrationWithoutASizeHasThatOfTheImages) {
+  CameraInfo info = infoOf(10);
+  const int width = static_cast<int>(info.width), height = static_cast<int>(info.height);
+  info.width = info.height = 0;
+  info.K[2] = 3.5, info.K[5] = 2.5;
+  CameraInput input(false);
+  EXPECT_FALSE(input.isReady());
+  input.setCameraInfo(info, "t");
+  ASSERT_TRUE(input.isReady());
+  EXPECT_EQ(input.camera(), nullptr);
+  EXPECT_THROW(input.grey(uniformImage(2 * width, height), "mono8"), DataError) << "not centred";
+  input.grey(uniformImage(width, height), "mono8");
+  const auto camera = input.camera();
+  ASSERT_NE(camera, nullptr);
+  EXPECT_EQ(camera->width, width);
+  EXPECT_EQ(camera->height, height);
+  input.setCameraInfo(info, "t");
+  EXPECT_EQ(input.camera(), camera) << "the same once more";
+  info.K[0] = 11;
+  input.setCameraInfo(info, "t");
+  EXPECT_EQ(input.camera()->fx, 11);
+}
+
 TEST(CameraInput, ImagesOfAnotherFrameIdAreOfAnotherCamera) {
   CameraInput input(false);
   input.setCameraInfo(infoOf(10), "t");

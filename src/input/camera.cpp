@@ -27,6 +27,8 @@ constexpr double kOffCentre = 0.3;  ///< [half images]
 /// field of view is then that of a camera on a vehicle; else the images are cropped.
 constexpr double kMinFieldOfView = 30;
 
+/// [image widths] A fisheye of 360 degrees has 0.16.
+constexpr double kMinFocalLength = 0.1;
 /// Standard deviation of k1, where it is not given: of a lens that was estimated from drives, and
 /// of a published calibration.
 constexpr double kEstimatedK1Sigma = 0.003, kPublishedK1Sigma = 0.02;
@@ -112,7 +114,12 @@ void requireImage(const cv::Mat& image, const PinholeCamera& camera) {
 }
 
 void requireMask(const cv::Mat& mask, const PinholeCamera& camera, const std::string& name) {
-  if (!mask.empty()) require(mask, camera, name);
+  if (mask.empty()) return;
+  require(mask, camera, name);
+  if (cv::countNonZero(mask) == 0) {
+    throw OptionError(name +
+                      " hides the whole image: it is 0 where the images never show the scene");
+  }
 }
 
 bool CameraCalibration::isDistorted() const {
@@ -166,7 +173,7 @@ void CameraCalibration::validate() const {
   model->validate(distortion);
   if (!hasSize() || is_part) return;
   requireInRange("width * height [px]", 1.0 * width * height, 1, kMaxImagePixels);
-  requireInRange("fx [image widths]", fx / width, 0.02, 500);
+  requireInRange("fx [image widths]", fx / width, kMinFocalLength, 500);
   requireInRange("cx [image widths]", cx / width, -10, 10);
   requireInRange("cy [image heights]", cy / height, -10, 10);
 }

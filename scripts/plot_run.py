@@ -124,8 +124,8 @@ def draw_scale(file, scale, camera_height, name, title):
                                              "wspace": 0.05})
     time = scale["stamp"] - scale["stamp"][0]
     known = scale["status"] != "unknown"
-    # With speeds alone, the raw scale does not come from a plane.
-    measured = known & (scale["raw_scale"] > 0) & (scale["source"] != "speed")
+    # With speeds alone, the raw scale does not come from a plane; without a known height it has no unit.
+    measured = known & (scale["raw_scale"] > 0) & (scale["source"] != "speed") & (scale["camera_height"] > 0)
     height = np.where(known & (scale["camera_height"] > 0), scale["camera_height"], np.nan)
     filtered = np.where(known, scale["scale"], np.nan)
     sigma = np.where(known, scale["sigma"], np.nan)

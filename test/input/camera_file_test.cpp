@@ -136,6 +136,11 @@ TEST_F(CameraFile, ReadsTheFormatsOfOtherTools) {
       EXPECT_EQ(camera.distortion[i], D[i]);
     }
   }
+  const CameraCalibration orb_slam = readCameraFile(write(
+      "camera.yaml",
+      "%YAML:1.0\nCamera.fx: 500\nCamera.fy: 510\nCamera.cx: 310\nCamera.cy: 230\n"
+      "Camera.k1: -0.2\nCamera.k2: 0.05\nCamera.k3: 0.01\nCamera.p1: 0.001\nCamera.p2: 0.002\n"));
+  EXPECT_EQ(orb_slam.distortion, (std::vector<double>{-0.2, 0.05, 0.001, 0.002, 0.01}));
 }
 
 TEST_F(CameraFile, RefusesOtherModelsByName) {

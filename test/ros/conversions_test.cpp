@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "ground_scale_vo/common/error.hpp"
+#include "input/camera_info.hpp"
 #include "support/expect_throws.hpp"
 #include "support/scene.hpp"
 
@@ -232,6 +233,20 @@ TEST(Messages, ConstantsAreTheEnumerators) {
             Reason::kZoomed));
   EXPECT_EQ(codes(Scale::SOURCE_NONE, Scale::SOURCE_ROAD, Scale::SOURCE_SPEED, Scale::SOURCE_BOTH),
             codes(ScaleSource::kNone, ScaleSource::kRoad, ScaleSource::kSpeed, ScaleSource::kBoth));
+}
+
+TEST(CameraInfoMsg, CalibrationsAreTheSameInItWithAndWithoutRectification) {
+  CameraCalibration camera{640, 480, 500, 510, 310, 230};
+  camera.setDistortion("plumb_bob", {-0.2, 0.05, 0.001, -0.002, 0.01});
+  const CameraInfo info = fromMsg(toCameraInfo(camera));
+  const CameraCalibration raw = readCameraInfo(info, "t", false);
+  EXPECT_EQ(raw.distortion, camera.distortion);
+  for (const bool is_rectified : {false, true}) {
+    const CameraCalibration read = readCameraInfo(info, "t", is_rectified);
+    EXPECT_EQ(read.describe().substr(0, read.describe().find("cy")),
+              camera.describe().substr(0, camera.describe().find("cy")));
+    EXPECT_EQ(read.cy, camera.cy);
+  }
 }
 
 TEST(CompressedImage, KeepsABayerPatternThatFitsItsPixels) {

@@ -19,12 +19,12 @@ set_target_properties(${PROJECT_NAME}_python PROPERTIES
   OUTPUT_NAME _core LIBRARY_OUTPUT_DIRECTORY ${built_package} INSTALL_RPATH "$ORIGIN;$ORIGIN/../../..")
 install(TARGETS ${PROJECT_NAME}_core ${PROJECT_NAME}_python LIBRARY DESTINATION .
   COMPONENT python EXCLUDE_FROM_ALL)
-set(page_files scripts/plot_run.py scripts/run_page.py scripts/run_page.html)
-install(FILES ${page_files} DESTINATION . COMPONENT python EXCLUDE_FROM_ALL)
+set(shared_files scripts/plot_run.py scripts/run_page.py scripts/run_page.html scripts/presets.py config/presets.yaml)
+install(FILES ${shared_files} DESTINATION . COMPONENT python EXCLUDE_FROM_ALL)
 
 # The whole package beside the tools, where scripts/calibrate_camera finds it.
 file(GLOB python_files CONFIGURE_DEPENDS ${python_package}/*.py)
-foreach(file ${page_files})
+foreach(file ${shared_files})
   list(APPEND python_files ${PROJECT_SOURCE_DIR}/${file})
 endforeach()
 file(MAKE_DIRECTORY ${built_package})

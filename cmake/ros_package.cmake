@@ -62,7 +62,7 @@ function(gsv_add_gtest target)
 endfunction()
 
 catkin_install_python(PROGRAMS nodes/bag_recorder nodes/feed_another_vo nodes/playback_monitor nodes/view_frame
-  scripts/metrics_table.py scripts/plot_run.py scripts/run_page.py
+  scripts/metrics_table.py scripts/plot_run.py scripts/presets.py scripts/run_page.py
   DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})
 install(DIRECTORY config launch rviz DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION})
 # The scripts expect the executables in the same directory after installation.
@@ -70,7 +70,7 @@ install(PROGRAMS scripts/benchmark scripts/calibrate_camera scripts/calibrate_he
   scripts/evaluate scripts/package scripts/report
   DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})
 install(DIRECTORY scripts/lib DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})
-install(FILES scripts/run_page.html DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})
+install(FILES scripts/run_page.html config/presets.yaml DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})
 install(FILES nodelet_plugins.xml DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION})
 
 # CPack settings used by scripts/package; the script adds the dependencies that are not shared

@@ -69,7 +69,10 @@ def add_run(command):
                          help="the default: estimate the lens error that the calibration has left while driving. "
                          "--set refine_camera=false: the calibration is exact")
     command.add_argument("--camera-height", type=float, metavar="M",
-                         help="of the camera above the road [m]; required without --speed")
+                         help="of the camera above the road [m]; required without --speed or --preset")
+    command.add_argument("--preset", metavar="NAME",
+                         help="known camera, such as kitti or nuscenes (docs/tutorials/your_camera.md): its height with the "
+                         "standard deviation")
     command.add_argument("--speed", metavar="FILE|TOPIC",
                          help="speeds of the vehicle: CSV with the columns stamp and speed_mps, speed_kmh, speed_mph, "
                          "speed_knots or speed_mmps, optionally sigma; the folder oxts/ of a KITTI raw drive; or a topic of "
@@ -194,10 +197,21 @@ def write_page(folder, open_reader):
 def run(arguments):
     if arguments.jobs < 1:
         raise ValueError("--jobs must be at least 1")
+    if arguments.preset:
+        use_preset(arguments)
     if len(arguments.inputs) > 1 or arguments.scheduler:
         return many.run(arguments)
     arguments.input = arguments.inputs[0]
     return run_drive(arguments)
+
+
+def use_preset(arguments):
+    if arguments.camera_height is not None:
+        raise ValueError(f"--preset {arguments.preset} and --camera-height are two heights: give one")
+    from . import presets  # installed beside this file
+    camera = presets.preset(arguments.preset)
+    arguments.camera_height = camera["camera_height"]
+    arguments.set = [f"camera_height_sigma={camera['camera_height_sigma']}", *arguments.set]
 
 
 def run_drive(arguments):
@@ -206,7 +220,7 @@ def run_drive(arguments):
     if folder.resolve() == arguments.input.resolve():
         raise ValueError(f"--out {arguments.out} would write the results to the input")
     if arguments.camera_height is None and not arguments.speed:
-        raise ValueError("--camera-height is needed, or --speed, see --help")
+        raise ValueError("--camera-height is needed, or --preset or --speed, see --help")
     if arguments.gps_offset and not arguments.gps:
         raise ValueError("--gps-offset is for --gps")
     fixes = gps_track.read(arguments.gps, str(arguments.input)) if arguments.gps else None

@@ -56,9 +56,13 @@ def parse():
     source.add_argument("--bag", nargs="+", type=path, default=[], metavar="FILE",
                         help="play this bag, or the parts of a split recording: --bag drive_*.bag")
     source.add_argument("--sequence", type=path, metavar="DIR", help="convert this KITTI folder to a bag and play it")
-    parser.add_argument("--camera-height", type=height, metavar="M",
-                        help="height of the camera above the road [m] (default without --speed: 1.65, as in KITTI and in the "
-                        "rendered drive; required with other topics than those of /kitti)")
+    height_of = parser.add_mutually_exclusive_group()
+    height_of.add_argument("--camera-height", type=height, metavar="M",
+                           help="height of the camera above the road [m] (default without --speed: 1.65, as in KITTI and in "
+                           "the rendered drive; required with other topics than those of /kitti)")
+    height_of.add_argument("--preset", default="", metavar="NAME",
+                           help="known camera, such as kitti or nuscenes (docs/tutorials/your_camera.md): its height with "
+                           "the standard deviation")
     parser.add_argument("--speed", default="", metavar="TOPIC",
                         help="speed of the vehicle in the bag: Odometry, TwistStamped or TwistWithCovarianceStamped, or with "
                         "--speed-unit Float32 or Float64; of the clock of the images, as only `ground_scale_vo run` "
@@ -102,9 +106,16 @@ def check(parser, arguments):
         parser.error("--speed-unit is for --speed")
     if arguments.speed and not arguments.bag:
         parser.error("--speed is for --bag")
+    if arguments.preset:
+        sys.path.insert(0, str(LIB.parent))
+        import presets
+        try:
+            arguments.camera_height = presets.preset(arguments.preset)["camera_height"]
+        except ValueError as error:
+            parser.error(str(error))
     if arguments.camera_height is None and not arguments.speed:
         if arguments.image and not arguments.image.lstrip("/").startswith("kitti/"):
-            parser.error(f"--image {arguments.image} needs --camera-height, which scales all distances")
+            parser.error(f"--image {arguments.image} needs --camera-height or --preset, which scales all distances")
         arguments.camera_height = 1.65
     for what, paths in (("bag", arguments.bag), ("file", filter(None, (arguments.camera, arguments.mask)))):
         for file in paths:
@@ -198,7 +209,7 @@ def launch_words(bags, arguments):
     """The launch file, with its arguments, for roslaunch."""
     options = {
         "required": "true", "bag": " ".join(shlex.quote(str(bag)) for bag in bags), "image": arguments.image,
-        "camera_height": arguments.camera_height or "", "speed": arguments.speed, "speed_unit": arguments.speed_unit,
+        "camera_height": "" if arguments.preset else arguments.camera_height or "", "preset": arguments.preset, "speed": arguments.speed, "speed_unit": arguments.speed_unit,
         "camera_info": arguments.camera_info, "rate": arguments.rate, "rviz": str(arguments.rviz).lower(),
         "base_frame": arguments.base_frame, "mask": arguments.mask or "", "camera_file": arguments.camera or "",
         "record": arguments.results / "recorded.bag"}

@@ -54,10 +54,11 @@ def test_parts_of_a_bag_with_other_names(bag, tmp_path):
     other.write_text("#!/bin/sh\nexit 1\n")
     other.chmod(0o755)
     out = tmp_path / "it's out"
-    done = run(DEMO, "--out", out, "--bag", *halves[::-1], "--camera-height", 1.65, "--image", "/camera/jpeg",
+    done = run(DEMO, "--out", out, "--bag", *halves[::-1], "--preset", "kitti", "--image", "/camera/jpeg",
                "--rectified", env={**os.environ, "PATH": f"{tmp_path}:{os.environ['PATH']}"})
     assert_played(done.stdout, out / "my half's 2")
-    assert json.loads((out / "my half's 2/metrics.json").read_text())["rle_percent"] is not None
+    metrics = json.loads((out / "my half's 2/metrics.json").read_text())
+    assert metrics["rle_percent"] is not None and metrics["camera_height_m"] == 1.65
 
 
 def test_camera_file_instead_of_camera_info(bag, short, tmp_path):
@@ -87,6 +88,8 @@ def late(stamp, speed):
 
 @pytest.mark.parametrize("make, options, status, text", [
     (None, ("--camera-height", 30), 2, "camera_height is 30 m, on a road vehicle it is 0.2 to 5 m: is it in centimetres?"),
+    (None, ("--preset", "trabant"), 2, "there is no preset trabant, only kitti, nuscenes, "),
+    (None, ("--preset", "kitti", "--camera-height", 2), 2, "--camera-height: not allowed with argument --preset"),
     (None, ("--image", "/cam/image", "--camera-height", 2), 1,
      f"has no topic /cam/image; its topics with images are {bags.IMAGE}: choose one with --image TOPIC"),
     (None, ("--speed", "/nope"), 1, "has no topic /nope; it has no speed, only"),

@@ -18,7 +18,8 @@ def install(tmp_path_factory):
 
 def test_files(install):
     expected = [f"lib/ground_scale_vo/{name}" for name in (
-        "calibrate_height", "demo", "evaluate", "lib", "metrics_table.py", "plot_run.py", "run_page.py", "run_page.html", "run_sequence",
+        "calibrate_height", "demo", "evaluate", "lib", "metrics_table.py", "plot_run.py", "presets.py", "presets.yaml", "run_page.py", "run_page.html",
+        "run_sequence",
         *(file.name for file in (ROOT / "nodes").iterdir() if file.is_file()))]
     expected += [f"share/ground_scale_vo/{file.relative_to(ROOT)}" for folder in ("launch", "config", "rviz")
                  for file in (ROOT / folder).iterdir()]
@@ -31,7 +32,7 @@ def test_files(install):
 
 
 def test_demo_without_the_source_tree(install, short, tmp_path):
-    done = run(install / "lib/ground_scale_vo/demo", "--out", tmp_path, "--sequence", short,
+    done = run(install / "lib/ground_scale_vo/demo", "--out", tmp_path, "--sequence", short, "--preset", "kitti",
                env={"HOME": os.environ["HOME"], "PATH": "/usr/bin:/bin"})
     assert_played(done.stdout, tmp_path / "short")
 

@@ -101,6 +101,27 @@ def test_height_file_takes_precedence(file, height_file):
     assert loaded(file, f"height_file:={height_file}")[2]["/scale_recovery/camera_height"] == 1.2345
 
 
+@pytest.mark.parametrize("file", [call.split(" camera_height")[0] for call in FILES if "two_vehicles" not in call])
+def test_preset(file, height_file, capfd):
+    parameters = loaded(file, "preset:=nuscenes")[2]
+    assert parameters["/scale_recovery/camera_height"] == 1.5 and parameters["/scale_recovery/camera_height_sigma"] == 0.015
+    for other in ("camera_height:=1.5", f"height_file:={height_file}"):
+        with pytest.raises(Exception, match="preset:=nuscenes and another height: give one"):
+            loaded(file, "preset:=nuscenes", other)
+    with pytest.raises(Exception, match="presets.py"):
+        loaded(file, "preset:=trabant")
+    assert "there is no preset trabant, only kitti, nuscenes, " in capfd.readouterr().err
+
+
+def test_presets_are_documented():
+    """The table is made of the file; a standard deviation is at least 1 % of the height."""
+    rows = ""
+    for name, row in yaml.safe_load((ROOT / "config/presets.yaml").read_text()).items():
+        assert 0.01 <= row["camera_height_sigma"] / row["camera_height"] <= 0.1
+        rows += "| `{}` | {camera_height:g} ± {camera_height_sigma:g} | {source} | {pitfalls} |\n".format(name, **row)
+    assert rows in (ROOT / "docs/tutorials/your_camera.md").read_text(), rows
+
+
 def test_configuration_has_the_documented_defaults():
     _, _, parameters, _ = loaded("ground_scale_vo.launch")
     assert parameters["/scale_recovery/base_frame"] == "" and "/scale_recovery/camera_height" not in parameters
@@ -145,7 +166,7 @@ def test_live_camera_starts_driver_and_mounting(tmp_path, monkeypatch):
 
 def test_two_vehicles(tmp_path, height_file):
     nodes, remappings, parameters, _ = loaded(
-        "two_vehicles.launch", "first:=a", "second:=/b", f"first_height_file:={height_file}", "second_height:=1.65",
+        "two_vehicles.launch", "first:=a", "second:=/b", f"first_height_file:={height_file}", "second_preset:=kitti",
         "first_mask:=/a.png", "second_mask:=/b.png", "first_camera_file:=/a.yaml", "second_camera_file:=/b.yaml",
         "use_base_link:=true", "image:=/cam/image", "camera_info:=cam/info", "image_is_rectified:=true",
         "publish_tf:=false")

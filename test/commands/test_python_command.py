@@ -67,6 +67,17 @@ def test_options_reach_the_odometry(command, shortest, tmp_path):
     assert json.loads((tmp_path / "out/shortest/metrics.json").read_text())["camera_height_m"] == height
 
 
+def test_preset_is_a_height_with_its_standard_deviation(gsv_command, shortest, tmp_path):
+    given = ["--camera-height", 1.65, "--set", "camera_height_sigma=0.05"]
+    texts = set()
+    for words in (given, ["--preset", "kitti"]):
+        assert gsv_command("run", shortest, "--out", "out", *words)[0] in (0, 1)
+        texts.add("".join((tmp_path / "out/shortest" / name).read_text() for name in ("trajectory_tum.txt", "scale.csv")))
+    assert len(texts) == 1 and ",0.05\n" in texts.pop()
+    status, _, message = gsv_command("run", shortest, "--preset", "trabant")
+    assert status == 2 and "there is no preset trabant, only kitti, nuscenes, " in message
+
+
 def test_one_of_several_image_topics_must_be_named(command, refused, bag, short, evaluated, tmp_path):
     two = tmp_path / "two.bag"
 
@@ -106,6 +117,7 @@ def test_refuses_to_overwrite_the_input(refused, shortest, tmp_path):
 @pytest.mark.parametrize("status, text, arguments", [
     (1, "none: no such file or folder", ["none", "--camera", "CALIB"]),
     (2, "is it in centimetres? If not, set unusual_height true", ["SHORTEST", "--camera-height", 30]),
+    (2, "--preset kitti and --camera-height are two heights: give one", ["SHORTEST", "--preset", "kitti"]),
     (2, "--camera FILE is missing", ["empty.mp4"]),
     (2, "the field of view [degrees] is 0, it must lie in [10, 150]", ["empty.mp4", "--fov", 0]),
     (2, "rectified is for the camera_info of a bag", ["SHORTEST", "--rectified"]),

@@ -142,6 +142,9 @@ def test_another_clock_is_refused_with_the_offset(stopping, tmp_path, shift, ove
     assert (tmp_path / stopping.name / "metrics.json").exists() == overlaps  # before the drive
     offset = float(re.search(r"--speed-offset (-?[\d.]+)", done.stderr)[1])
     assert offset == pytest.approx(-shift, abs=0.1)
+    if overlaps:  # the advice counts from the stamps of the file
+        done = run(*words, "--speed-offset", -0.4, check=False)
+        assert float(re.search(r"--speed-offset (-?[\d.]+)", done.stderr)[1]) == pytest.approx(-shift, abs=0.1)
     done = run(*words, "--speed-offset", offset)
     assert length_and_sigma(done.stdout)[0] == pytest.approx(np.trapz(values, stamps), rel=0.01)
 

@@ -204,5 +204,43 @@ TEST(DriveSmoother, ALearnedCameraHeightHoldsForEarlierMaps) {
   EXPECT_TRUE(smoothed[5].pose);
 }
 
+// 3 s without images, in which the odometry's speed before would be 14 m/s.
+TEST(DriveSmoother, SpeedsThatAgreeBridgeAGapBetweenMaps) {
+  ScaleFilter filter({}, {1.4, 0, 0});
+  DriveSmoother smoother;
+  SpeedTrack speeds(0.05);
+  speeds.setAgrees(true);
+  VoFrame frame;
+  frame.status = VoStatus::kTracking;
+  const auto add = [&](double seconds) {
+    for (int i = 0; i < 10 * seconds; ++i) {
+      frame.stamp_ns += 100'000'000;
+      smoother.addSpeed({frame.stamp_ns, 10, 0.05});
+      speeds.add({frame.stamp_ns, 10, 0.05});
+    }
+    frame.T_w_c.translation().z() += 1;
+    frame.map_start.stamp_ns =
+        frame.map_start.stamp_ns == 0 ? frame.stamp_ns : frame.map_start.stamp_ns;
+    filter.predict(1, 0, 0.003);
+    filter.update(1, 0.02, 3);
+    smoother.addStep(filter);
+    smoother.addFrame(frame, frame.continuity, {}, speeds);
+    frame.continuity = Continuity::kSameMap;
+  };
+  for (int i = 0; i < 30; ++i) add(0.1);
+  filter.startMap();
+  smoother.startMap();
+  frame.continuity = Continuity::kNewMap;
+  frame.T_w_c.translation().z() = -1;
+  frame.map_start.stamp_ns = 0;
+  add(3);
+  for (int i = 0; i < 30; ++i) add(0.1);
+  const auto smoothed = smoother.smoothed(recoveryOptions());
+  ASSERT_TRUE(smoothed[29].pose && smoothed[30].pose);
+  EXPECT_NEAR(
+      (smoothed[30].pose->T_o_c.translation() - smoothed[29].pose->T_o_c.translation()).norm(), 30,
+      0.5);
+}
+
 }  // namespace
 }  // namespace gsv

@@ -307,6 +307,9 @@ void MonoVoNodelet::process(const ReceivedImage& image, const cv::Mat& grey, con
   const SelfCalibratingOdometry::Output output =
       odometry_->process(grey, toNanoseconds(header.stamp));
   publish(output, header);
+  if (!odometry_->lensContradiction().empty()) {
+    log_->error("lens", odometry_->lensContradiction());
+  }
   last_frame_ = output.frame;
 }
 

@@ -137,6 +137,14 @@ def test_options_and_mask_are_used(gsv, shortest):
     assert default.tracks[:, 0].min() < 100 and last(mask=mask).tracks[:, 0].min() > 395
 
 
+def test_whether_the_lens_is_estimated_counts(gsv, shortest):
+    def sigma(is_estimated):
+        drive = gsv.open_drive(shortest)
+        odometry = gsv.MetricOdometry(drive.camera._replace(lens_is_estimated=is_estimated), CAMERA_HEIGHT)
+        return [odometry.process(*image) for image in drive][-1].sigma
+    assert sigma(True) != sigma(False)
+
+
 def test_image_may_be_reused_and_need_not_be_contiguous(gsv, short, results):
     drive = gsv.open_drive(short)
     odometry = gsv.MetricOdometry(drive.camera, CAMERA_HEIGHT)

@@ -28,6 +28,9 @@ def speeds(short, tmp_path_factory):
 
 
 def test_height_is_learned_through_all_doors(gsv, venv, short, speeds, tmp_path):
+    heading, *lines = speeds.read_text().splitlines()
+    speeds = tmp_path / "speeds.csv"  # with deviations
+    speeds.write_text("\n".join([heading + ",sigma", *(f"{line},0.2" for line in lines), ""]))
     run(tool("run_sequence"), short, "--speed", speeds, "--out", tmp_path)
     expected = poses_of(tmp_path / short.name / "poses.txt")
     metrics = json.loads((tmp_path / short.name / "metrics.json").read_text())
@@ -40,7 +43,7 @@ def test_height_is_learned_through_all_doors(gsv, venv, short, speeds, tmp_path)
     with open(speeds, newline="") as stream:
         rows = list(csv.DictReader(stream))
     for (image, stamp), row in zip(drive, rows):
-        odometry.add_speed(round(1e9 * float(row["stamp"])), float(row["speed_mps"]))
+        odometry.add_speed(round(1e9 * float(row["stamp"])), float(row["speed_mps"]), sigma=float(row["sigma"]))
         result = odometry.process(image, stamp)
     np.testing.assert_allclose(odometry.poses()[:, :3], expected, atol=1e-6)
     assert (result.source, result.speed_warning) == ("both", "")

@@ -1,4 +1,4 @@
-#!/usr/bin/env python3
+#!/usr/bin/python3
 """Camera heights of known cameras: presets.py NAME KEY prints a value of config/presets.yaml, for the launch files."""
 
 import pathlib

@@ -26,9 +26,13 @@ def test_files_of_a_run(short, evaluated):
 
 
 def test_options_and_mask_reach_the_run(shortest, tmp_path):
-    """A mask that hides everything: no corner is found."""
+    """A mask that shows a corner of the image: no feature is found. One that hides everything is refused."""
     mask = tmp_path / "mask.png"
-    matplotlib.image.imsave(mask, np.zeros((248, 800)), cmap="gray", vmin=0, vmax=1)
+    pixels = np.zeros((248, 800))
+    matplotlib.image.imsave(mask, pixels, cmap="gray", vmin=0, vmax=1)
+    assert_refused(1, f"the mask {mask} hides the whole image", EVALUATE, shortest, "--out", tmp_path, "--mask", mask)
+    pixels[:4, :4] = 1
+    matplotlib.image.imsave(mask, pixels, cmap="gray", vmin=0, vmax=1)
     for options in (["--mask", mask], ["--set", "refine=false", "--set", "gpe/min_points=1000000"]):
         done = run(EVALUATE, shortest, "--out", tmp_path, "--camera-height", 2, *options, check=False)
         assert done.returncode == 1 and "shortest: no metric pose: the " in done.stderr

@@ -118,7 +118,9 @@ def test_images_of_the_drive(gsv_command, short, bag, tmp_path, door):
 
 
 def test_run_without_a_trajectory(gsv_command, shortest, tmp_path):
-    cv2.imwrite(str(tmp_path / "mask.png"), 0 * images_of(shortest)[0])
+    mask = 0 * images_of(shortest)[0]
+    mask[:4, :4] = 255
+    cv2.imwrite(str(tmp_path / "mask.png"), mask)
     status, _, message = gsv_command("run", shortest, "--camera-height", CAMERA_HEIGHT, "--mask", "mask.png")
     page = Page(tmp_path / "results/shortest")
     assert status == 1 and "Not usable" in page.words and message.partition(": ")[2].strip() in page.words

@@ -61,7 +61,9 @@ def test_camera_file_as_in_the_offline_tools(command, short, evaluated, tmp_path
 
 def test_options_reach_the_odometry(command, shortest, tmp_path):
     mask, height = tmp_path / "mask.png", 2 * CAMERA_HEIGHT
-    cv2.imwrite(str(mask), 0 * images_of(shortest)[0])
+    pixels = 0 * images_of(shortest)[0]
+    pixels[:4, :4] = 255
+    cv2.imwrite(str(mask), pixels)
     _, output, _ = command(shortest, "--mask", mask, "--camera-height", height)
     assert "12 images, 12 used, 0 lost, 0 tracked; no metric pose" in output
     assert json.loads((tmp_path / "out/shortest/metrics.json").read_text())["camera_height_m"] == height

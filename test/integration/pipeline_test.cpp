@@ -21,6 +21,46 @@
 namespace gsv {
 namespace {
 
+// The path goes on, and nothing else of the camera before is left.
+TEST(Pipeline, AnotherCameraIsAFreshStartOfTheOdometry) {
+  SyntheticDrive::Options options = smallImages();
+  options.frames = 30;
+  const SyntheticDrive before(options);
+  options.random_seed += 1;
+  options.road_shift_m = 10;
+  const SyntheticDrive after(options);
+  CameraCalibration camera = withoutDistortion(after.camera());
+  MetricOdometry odometry(camera, optionsFor(before.cameraHeight()));
+  MetricOdometry fresh(camera, optionsFor(after.cameraHeight()));
+  double distance = 0;
+  for (std::size_t i = 0; i < before.size(); ++i) {
+    const auto output = odometry.process(before.image(i), before.frame(i).stamp_ns);
+    if (output.pose()) distance = output.pose()->distance;
+  }
+  ASSERT_GT(distance, 10);
+  odometry.changeCamera(camera);
+  const std::int64_t offset_ns = before.frame(before.size() - 1).stamp_ns + 100'000'000;
+  for (std::size_t i = 0; i < after.size(); ++i) {
+    const auto output = odometry.process(after.image(i), offset_ns + after.frame(i).stamp_ns);
+    const auto expected = fresh.process(after.image(i), offset_ns + after.frame(i).stamp_ns);
+    const VoFrame &frame = output.vo.frame, &same = expected.vo.frame;
+    EXPECT_EQ(frame.sequence, before.size() + i);
+    EXPECT_EQ(frame.map_id, 1u);
+    ASSERT_EQ(frame.status, same.status) << i;
+    EXPECT_EQ(frame.T_w_c.matrix(), same.T_w_c.matrix()) << i;
+    EXPECT_EQ(frame.pose_covariance, same.pose_covariance) << i;
+    ASSERT_EQ(frame.features.size(), same.features.size()) << i;
+    for (std::size_t k = 0; k < frame.features.size(); ++k) {
+      EXPECT_EQ(frame.features[k].id, same.features[k].id);
+      EXPECT_EQ(frame.features[k].p_c, same.features[k].p_c);
+    }
+    EXPECT_TRUE(std::isinf(frame.map_start.rotation_sigma)) << i;
+    if (output.pose()) {
+      EXPECT_GE(output.pose()->distance, distance);
+    }
+  }
+}
+
 // Curves, a slope, pitch and roll of the suspension, a stop of five seconds, a car ahead and
 // oncoming cars.
 TEST(Pipeline, EstimatesTheSyntheticDriveInMetres) {

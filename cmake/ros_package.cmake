@@ -70,7 +70,7 @@ install(PROGRAMS scripts/benchmark scripts/calibrate_camera scripts/calibrate_he
   scripts/evaluate scripts/package scripts/report
   DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})
 install(DIRECTORY scripts/lib DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})
-install(FILES scripts/run_page.html config/presets.yaml DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})
+install(FILES config/presets.yaml scripts/run_page.html DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})
 install(FILES nodelet_plugins.xml DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION})
 
 # CPack settings used by scripts/package; the script adds the dependencies that are not shared

@@ -163,7 +163,8 @@ gsv::DriveReader::Calibration calibrationIn(const py::iterable& infos,
     }
     *warning = input.warning();
     if (!gsv::rectificationContradiction(info, is_rectified, image_topic).is_certain) {
-      return {input.camera() ? *input.camera() : *input.unsized(), "camera_info on topic " + info_topic, 0, info_topic, is_rectified};
+      return {input.camera() ? *input.camera() : *input.unsized(),
+              "camera_info on topic " + info_topic, 0, info_topic, is_rectified};
     }
     reason = *warning;
     break;

@@ -2,7 +2,7 @@
 
 import copy
 import math
-from typing import NamedTuple, Tuple
+from typing import Any, NamedTuple, Tuple
 
 import numpy as np
 
@@ -98,6 +98,7 @@ class Smoother:
     def __init__(self, odometry: Odometry, fixes: np.ndarray, stamp: np.ndarray, z: np.ndarray, sigma: np.ndarray) -> None:
         """fixes: their numbers; stamp [s], increasing; z: M x 3 positions, sigma: their standard deviations [m]."""
         self.odometry, self.fixes, self.fix_stamp, self.z, self.sigma = odometry, fixes, stamp, z, sigma
+        self.shared_sigma = math.sqrt(CORRELATED_SHARE) * sigma
         start, end = odometry.stamp[0], odometry.stamp[-1]
         with_fix = stamp[np.unique(np.floor((stamp - start) / NODE_S), return_index=True)[1]]
         others = np.append(np.arange(start, end, 2 * NODE_S), end)
@@ -188,11 +189,14 @@ class Smoother:
                 break
         return covariance
 
+    def scaled(self, node: Any, v: np.ndarray) -> np.ndarray:
+        """N x 3 vectors of the odometry from these nodes, in the axes and the unit of the fixes."""
+        return np.exp(self.scale[node, None]) * np.einsum("nij,nj->ni", self.c[node], v)
+
     def residuals(self) -> Tuple[np.ndarray, np.ndarray]:
         """M x 3 of the fixes, without their correlated error, and their variances."""
-        arm = np.exp(self.scale[self.node, None]) * np.einsum("nij,nj->ni", self.c[self.node], self.arm)
-        shared = math.sqrt(CORRELATED_SHARE) * self.sigma * self.shared[self.node]
-        return self.z - self.p[self.node] - arm - shared, (1 - CORRELATED_SHARE) * self.sigma**2 + self.arm_variance
+        predicted = self.p[self.node] + self.scaled(self.node, self.arm)
+        return self.z - predicted - self.shared_sigma * self.shared[self.node], (1 - CORRELATED_SHARE) * self.sigma**2 + self.arm_variance
 
     def find_outliers(self, covariance: np.ndarray) -> None:
         """covariance: of the nodes, by the fixes that are used."""
@@ -208,7 +212,7 @@ class Smoother:
         chain.d[0, range(6, SIZE), range(6, SIZE)] = [scale_sigma**-2] + [1.0] * 3
         chain.g[0, 6:] = -np.append(self.scale[0] / scale_sigma**2, self.shared[0])
         # Steps of the odometry.
-        v = np.exp(self.scale[:-1, None]) * np.einsum("nij,nj->ni", self.c[:-1], self.step)
+        v = self.scaled(np.s_[:-1], self.step)
         kept = np.exp(-self.dt / CORRELATION_S)
         jacobian = -np.tile(np.eye(SIZE), (n - 1, 1, 1))
         jacobian[:, :3, 3:6], jacobian[:, :3, 6] = skew(v), -v
@@ -229,11 +233,10 @@ class Smoother:
         weight = np.gradient(self.stamp) / SLOPE_CORRELATION_S / SLOPE_SIGMA**2
         chain.add(np.arange(n), jacobian, np.tile(weight, (2, 1)).T, -up[:, :2])
         # Fixes.
-        v = np.exp(self.scale[self.node, None]) * np.einsum("nij,nj->ni", self.c[self.node], self.arm)
-        shared = math.sqrt(CORRELATED_SHARE) * self.sigma
+        v = self.scaled(self.node, self.arm)
         jacobian = np.zeros((len(v), 3, SIZE))
         jacobian[:, :, :3], jacobian[:, :, 3:6], jacobian[:, :, 6] = np.eye(3), -skew(v), v
-        jacobian[:, range(3), range(7, SIZE)] = shared
+        jacobian[:, range(3), range(7, SIZE)] = self.shared_sigma
         residual, variance = self.residuals()
         inflation = max(1.0, float(np.median((residual[:, :2]**2 / variance[:, :2]).sum(1)[self.is_used])) / MEDIAN)
         weight = self.is_used[:, None] / (inflation * variance)
@@ -246,8 +249,7 @@ class Smoother:
         stamp = self.odometry.stamp
         after = np.clip(np.searchsorted(self.stamp, stamp), 1, len(self.stamp) - 1)
         share = ((stamp - self.stamp[after - 1]) / self.dt[after - 1])[:, None]
-        before, behind = (self.p[k] + np.exp(self.scale[k, None]) * np.einsum(
-            "nij,nj->ni", self.c[k], self.odometry.p - self.o[k]) for k in (after - 1, after))
+        before, behind = (self.p[k] + self.scaled(k, self.odometry.p - self.o[k]) for k in (after - 1, after))
         turn, share_of = self.c[after - 1], share[:, :, None]
         between = share_of * (1 - share_of) * (turn @ self.q[after - 1, :3, :3] @ turn.transpose(0, 2, 1))
         return ((1 - share) * before + share * behind,

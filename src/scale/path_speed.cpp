@@ -357,8 +357,7 @@ std::string PathSpeed::warning(std::int64_t stamp_ns) const {
   return "";
 }
 
-std::string heightError(double given, double given_sigma, double by_speeds) {
-  const double learned = by_speeds;
+std::string heightError(double given, double given_sigma, double learned) {
   if (learned == 0) return "";
   if (given > 0) {
     const double limit = std::max(kMaxHeightError, kHeightSigmas * given_sigma / given);

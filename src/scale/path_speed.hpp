@@ -160,7 +160,7 @@ class PathSpeed {
 /// One sentence, which names the unit where it fits, if the camera height by the speeds [m] is that
 /// of no camera on a vehicle, or contradicts the given one [m], whose standard deviation may be
 /// infinite: only the factor of a unit does then. Empty: neither. 0: not known.
-std::string heightError(double given, double given_sigma, double by_speeds);
+std::string heightError(double given, double given_sigma, double learned);
 /// One sentence with both heights if the one by the speeds deviates from the given one [m] by more
 /// than three standard deviations of either. Empty: none is given, or it does not.
 std::string heightWarning(double given, double given_sigma, const ScaleEstimate& scale);

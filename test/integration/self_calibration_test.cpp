@@ -83,7 +83,7 @@ TEST_F(SelfCalibration, FindsThePlantedDistortionAndContinuesTheMap) {
 }
 
 // A dash cam whose images are taken as those of a pinhole, and one with its own calibration.
-TEST_F(SelfCalibration, KnowsACalibrationOfAnotherLens) {
+TEST_F(SelfCalibration, FindsThatTheCalibrationIsOfAnotherLens) {
   SyntheticDrive::Options straight = mediumImages();
   straight.frames = 60;
   for (const SyntheticDrive::Options& options : {curves(60), straight}) {

@@ -42,8 +42,7 @@ struct DriveRun {
   std::size_t used = 0;               ///< images
   std::vector<std::string> warnings;  ///< sentences of DriveReader, and about the result
   /// Why the result is not that of the whole drive, or empty: DriveReader::failure(), speeds of
-  /// another clock or unit, failureOf(), or that the motion contradicts the
-  /// calibration.
+  /// another clock or unit, failureOf(), or that the motion contradicts the calibration.
   std::string failure;
 
   /// One line: images read, used and not used; share of the frames with a held scale; where the

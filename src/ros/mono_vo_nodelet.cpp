@@ -33,6 +33,7 @@ namespace {
 
 constexpr std::uint32_t kInputQueue = 100;  // [messages] that wait for their callback
 constexpr std::size_t kMaxWaitingInfos = 20;
+constexpr double kInfoPatience = 1.0;  // [s] wall time; a later camera_info is lost
 
 }  // namespace
 
@@ -43,7 +44,8 @@ constexpr std::size_t kMaxWaitingInfos = 20;
 /// The callback stores the image, a compressed one decoded; a posted task processes one stored
 /// image after all callbacks that wait. So the newest `queue_size` images are always in the queue,
 /// and dropped ones are counted exactly. Images and camera_info arrive on two connections, in any
-/// order: an image has the latest camera_info that is not stamped later.
+/// order: an image has the latest camera_info that is not stamped later. While each image has one
+/// of its own stamp, the next one waits for it, as long as the queue has room.
 class MonoVoNodelet : public StageNodelet {
  public:
   MonoVoNodelet() : StageNodelet("odometry", "image", "images") {}
@@ -70,10 +72,12 @@ class MonoVoNodelet : public StageNodelet {
   void onCameraInfo(const sensor_msgs::CameraInfoConstPtr& info);
   void useCameraInfos(const ros::Time& until);
   void useCameraInfo(const sensor_msgs::CameraInfo& info);
-  /// The camera_info of the only stored image is still to come.
+  /// The camera_info of the oldest stored image is still to come.
   bool awaitsCameraInfo() const;
   void onCompressedImage(const sensor_msgs::CompressedImageConstPtr& compressed);
   void onImage(const sensor_msgs::ImageConstPtr& image);
+  /// Does not wait for the camera_info of the stored images any longer.
+  void giveUpCameraInfo();
   void dropImage(const std::string& kind, const std::string& reason);
   void store(const ReceivedImage& image);
   /// Posts a task that processes the oldest stored image, unless one is pending or none can run.
@@ -101,6 +105,7 @@ class MonoVoNodelet : public StageNodelet {
   std::string camera_info_error_;  ///< of the last camera_info; empty: it was accepted
   std::string image_error_;        ///< of the last image that was dropped
   std::deque<ReceivedImage> images_;
+  ros::WallTimer info_patience_;  ///< since the last image
   std::uint64_t dropped_from_queue_ = 0;
   bool processing_scheduled_ = false;
   std::unique_ptr<StampFilter> stamp_filter_;
@@ -125,6 +130,9 @@ void MonoVoNodelet::start(ros::NodeHandle& handle, ros::NodeHandle& private_hand
   }
   log_->warnOfState(input_->warning());
   image_transport::ImageTransport transport(handle);
+  info_patience_ = handle.createWallTimer(
+      ros::WallDuration(kInfoPatience), [this](const ros::WallTimerEvent&) { giveUpCameraInfo(); },
+      true, false);
   subscribe(handle, private_handle, &transport);
   frame_publisher_ = handle.advertise<VoFrameMsg>("vo/frame", kPublishQueue);
   image_publisher_ = handle.advertise<sensor_msgs::Image>("vo/image", kPublishQueue);
@@ -220,7 +228,13 @@ void MonoVoNodelet::useCameraInfo(const sensor_msgs::CameraInfo& info) {
 }
 
 bool MonoVoNodelet::awaitsCameraInfo() const {
-  return image_has_info_ && images_.size() == 1 && newest_info_ < images_.front().header.stamp;
+  const auto room = static_cast<std::size_t>(std::max(params_.queue_size - 1, 1));
+  return image_has_info_ && images_.size() <= room && newest_info_ < images_.front().header.stamp;
+}
+
+void MonoVoNodelet::giveUpCameraInfo() {
+  image_has_info_ = false;
+  scheduleProcessing();
 }
 
 void MonoVoNodelet::onCompressedImage(const sensor_msgs::CompressedImageConstPtr& compressed) {
@@ -253,6 +267,8 @@ void MonoVoNodelet::store(const ReceivedImage& image) {
     image_has_info_ = false;  // do not wait for a camera_info that does not come
   }
   images_.push_back(image);
+  info_patience_.stop();
+  info_patience_.start();
   scheduleProcessing();
 }
 

@@ -163,6 +163,41 @@ TEST_F(Images, AnotherCalibrationResetsTheOdometry) {
   }
 }
 
+// On a busy machine images are ahead of camera_info, which come on another connection.
+TEST_F(Images, AnImageWaitsForTheCameraInfoOfItsStamp) {
+  NodeletTopics topics("/paired");
+  ros::param::set("/paired/mono_vo/queue_size", 3);
+  ASSERT_TRUE(manager_.load("MonoVo", "/paired/mono_vo"));
+  ASSERT_TRUE(topics.waitForMonoVo());
+  const auto publish_image = [&](std::uint32_t width) {
+    Image next = image();
+    next.width = next.step = width;
+    next.data.resize(width * kHeight);
+    topics.publishImage(next);
+    return next.header.stamp;
+  };
+  const auto publish_info = [&](std::uint32_t width, const ros::Time& stamp) {
+    Info info = cameraInfo();
+    info.width = width;
+    info.header.stamp = stamp;
+    topics.publishInfo(info);
+  };
+  const ros::Time first = publish_image(kWidth);
+  publish_info(kWidth, first);
+  ASSERT_TRUE(topics.frames.waitForStamp(first));
+
+  const std::uint32_t narrow = 120;
+  const ros::Time second = publish_image(narrow), third = publish_image(narrow);
+  publish_info(narrow, second);
+  publish_info(narrow, third);
+  ASSERT_TRUE(topics.frames.waitForStamp(third));
+  EXPECT_EQ(topics.frames.count(), 3u);
+
+  const ros::Time last = publish_image(narrow);
+  EXPECT_TRUE(topics.frames.waitForStamp(last)) << "waits for a camera_info that is lost";
+  EXPECT_TRUE(manager_.unload("/paired/mono_vo"));
+}
+
 // The images and the calibration of the first one are used.
 TEST_F(Images, TwoCamerasOnOneTopicAreAnError) {
   ASSERT_TRUE(use(cameraInfo()));

@@ -121,6 +121,13 @@ class NodeletTopics {
              scales.connected() && odometry.connected();
     });
   }
+  /// MonoVo receives images and camera_info from this program, and this program its frames.
+  bool waitForMonoVo() {
+    return waitUntil([this] {
+      return images_.getNumSubscribers() > 0 && infos_.getNumSubscribers() > 0 &&
+             frames.connected();
+    });
+  }
   void publishInfo(const sensor_msgs::CameraInfo& info) { infos_.publish(info); }
   void publishImage(const sensor_msgs::Image& image) { images_.publish(image); }
   /// The results of this image have been received from both nodelets, which come in either order.

@@ -261,6 +261,7 @@ DriveRun runDrive(DriveReader* drive, DriveRun::Options options,
   run.record = offline.record();
   run.given_lens = lensOf(drive->camera());
   run.lens = options.lens ? options.lens->estimate : offline.lens();
+  run.readout_time = odometry_options.odometry.vo.readout_time;
   run.used = drive->used();
   run.warnings = drive->warnings();
   run.failure = drive->failure();
@@ -285,8 +286,9 @@ void writeRun(const fs::path& folder, const DriveRun& run, double camera_height,
   writeRun(folder, run.record, camera_height, truth.poses, truth.heights);
   writeFile(folder / "run.json", runJson(run));
   if (!run.lens.isEstimate()) return;
-  writeFile(folder / "camera.yaml",
-            cameraYaml(calibrationOf(run.lens.lens), "Estimated from the drive."));
+  CameraCalibration camera = calibrationOf(run.lens.lens);
+  camera.readout_time = run.readout_time;
+  writeFile(folder / "camera.yaml", cameraYaml(camera, "Estimated from the drive."));
 }
 
 }  // namespace gsv

@@ -49,18 +49,20 @@ class CameraYaml {
     if (!node.IsScalar()) fail(format("line %d is not one word", node.Mark().line + 1));
     return node.Scalar();
   }
+  /// Not by node.as<double>(), which reads the decimal point of the global locale.
   double number(const YAML::Node& node) const {
-    if (!node.IsScalar()) failAt(node);
-    return numbers(node).front();
+    const auto value = node.IsScalar() ? parseNumber<double>(node.Scalar()) : std::nullopt;
+    if (!value) failAt(node);
+    return *value;
   }
   /// Numbers of a scalar, a list, or the data of a matrix, which may be empty.
   Numbers numbers(const YAML::Node& node) const {
-    try {
-      if (node.IsScalar()) return {node.as<double>()};
-      return (node.IsMap() ? child(node, "data") : node).as<Numbers>();
-    } catch (const YAML::Exception&) {
-    }
-    failAt(node);
+    if (node.IsScalar()) return {number(node)};
+    const YAML::Node list = node.IsMap() ? child(node, "data") : node;
+    if (!list.IsSequence()) failAt(node);
+    Numbers result;
+    for (const YAML::Node& entry : list) result.push_back(number(entry));
+    return result;
   }
 
  private:

@@ -12,7 +12,9 @@
 
 #include "common/files.hpp"
 #include "ground_scale_vo/common/error.hpp"
+#include "ground_scale_vo/evaluation/drive_run.hpp"
 #include "ground_scale_vo/evaluation/metrics.hpp"
+#include "ground_scale_vo/input/camera_file.hpp"
 #include "ground_scale_vo/io/trajectory_io.hpp"
 #include "scripted_run.hpp"
 #include "support/temporary_folder.hpp"
@@ -188,6 +190,18 @@ TEST_F(RunReport, WritesTheFilesOfARun) {
   writeRun(folder, without_times, 1.65, {});
   EXPECT_FALSE(std::filesystem::exists(folder / "timing.csv"))
       << "a file of the previous run is left";
+
+  DriveRun run;
+  run.record = record;
+  run.readout_time = 0.01;
+  writeRun(folder, run, 1.65, {});
+  EXPECT_FALSE(std::filesystem::exists(folder / "camera.yaml")) << "the lens is not refined";
+  run.lens = {Lens(PinholeCamera{640, 480, 410, 400, 322, 240}, 0.05, -0.02, 0.003, 0.001, -0.002),
+              LensMatrix::Identity()};
+  writeRun(folder, run, 1.65, {});
+  const CameraCalibration refined = readCameraFile(folder / "camera.yaml");
+  EXPECT_EQ(refined.readout_time, 0.01);
+  EXPECT_EQ(lensOf(refined).project({0.3, 0.2}), run.lens.lens.project({0.3, 0.2}));
 
   const auto file = write("file", "");
   EXPECT_NE(dataErrorOf([&] { writeRun(file / "07", record, 1.65, {}); }, folder_), "no error");

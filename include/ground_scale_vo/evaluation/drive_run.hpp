@@ -39,6 +39,7 @@ struct DriveRun {
   RunRecord record;  ///< a frame for every image, also those that are not used
   Lens given_lens;   ///< of the calibration
   LensEstimate lens;
+  double readout_time = 0;            ///< [s] of the odometry
   std::size_t used = 0;               ///< images
   std::vector<std::string> warnings;  ///< sentences of DriveReader, and about the result
   /// Why the result is not that of the whole drive, or empty: DriveReader::failure(), speeds of

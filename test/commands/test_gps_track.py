@@ -38,7 +38,7 @@ def run(gsv, tmp_path_factory):
         right, down, forward = poses_of(folder / "poses.txt")[:, :, 3].T
         east_north = (forward - 1j * right) * np.exp(0.7j)
         return types.SimpleNamespace(
-            **modules, folder=folder, track=modules["calibration"].Track(out), covariances=report["covariances"],
+            **modules, folder=folder, out=out, track=modules["calibration"].Track(out), covariances=report["covariances"],
             p=np.stack([east_north.real, east_north.imag, -down], -1))
     return call
 
@@ -114,6 +114,17 @@ def test_lost_map(run, drive, tmp_path):
     error, _ = errors_of(ran, fixes, result)
     assert result.is_used.mean() > 0.8 and (error <= result.radius).mean() >= 0.95
     assert error[(result.stamp > 12) & (result.stamp < 16)].max() < 0.5 and error.max() < 3
+
+
+def test_a_map_that_follows_another_is_another_section(ran, tmp_path):
+    """Both have a metric pose in each frame, but the step between them is not known."""
+    two = shutil.copytree(ran.out, tmp_path / "two")
+    header, *rows = [line.split(",") for line in (two / "scale.csv").read_text().split()]
+    for row in rows[60:]:
+        row[header.index("map_id")] = "1"
+    (two / "scale.csv").write_text("\n".join(",".join(row) for row in [header, *rows]))
+    section = ran.calibration.Track(two).section
+    assert len(set(section[40:60])) == len(set(section[60:80])) == 1 and -1 != section[59] != section[60] != -1
 
 
 def test_contradicting_scale(ran):

@@ -8,6 +8,7 @@
 #include "ground_scale_vo/self_calibrating_odometry.hpp"
 #include "simulation/tools/distortion.hpp"
 #include "support/drive_run.hpp"
+#include "support/twist_errors.hpp"
 
 namespace gsv {
 namespace {
@@ -58,6 +59,7 @@ TEST_F(SelfCalibration, FindsThePlantedDistortionAndContinuesTheMap) {
   EXPECT_TRUE(refined.lens.camera.lens_is_estimated);
   std::set<std::uint64_t> before;
   bool has_changed = false;
+  TwistErrors after_change;
   for (std::size_t i = 1; i < outputs.size(); ++i) {
     const VoFrame& frame = outputs[i].vo.frame;
     EXPECT_EQ(frame.sequence, i);
@@ -77,9 +79,12 @@ TEST_F(SelfCalibration, FindsThePlantedDistortionAndContinuesTheMap) {
     const Eigen::Isometry3d truth = drive.frame(i - 1).T_c0_c.inverse() * drive.frame(i).T_c0_c;
     EXPECT_LT((step.translation() - truth.translation()).norm(), 0.1) << i;
     EXPECT_LT(Eigen::AngleAxisd(step.linear().transpose() * truth.linear()).angle(), 0.01) << i;
+    if (has_changed) after_change.add(drive, i, *outputs[i].pose());
   }
-  EXPECT_TRUE(has_changed);
   EXPECT_TRUE(outputs.back().pose());
+  ASSERT_GT(after_change.count, 30);
+  EXPECT_GT(after_change.rms().minCoeff(), 0.25) << after_change.rms().transpose();
+  EXPECT_LT(after_change.rms().maxCoeff(), 2) << after_change.rms().transpose();
 }
 
 // A dash cam whose images are taken as those of a pinhole, and one with its own calibration.

@@ -4,10 +4,12 @@
 
 #include <Eigen/Cholesky>
 #include <cmath>
+#include <functional>
 #include <random>
 #include <vector>
 
 #include "ground_scale_vo/input/camera_file.hpp"
+#include "ground_scale_vo/lens/lens_refinement.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace gsv {
@@ -24,6 +26,7 @@ const PinholeCamera kCamera{1241, 376, 718.9, 718.9, 607.2, 185.2};
 struct Drive {
   Lens lens{kCamera};       ///< of the images
   double step = 1;          ///< [m] per frame
+  int straight = 10;        ///< frames before the first turn
   double turn = 0.045;      ///< largest change of the heading per frame [rad]
   double moving_share = 0;  ///< of the points, on vehicles that drive ahead
   double noise_px = kNoise_px;
@@ -34,8 +37,8 @@ struct Drive {
 Eigen::Isometry3d poseOf(const Drive& drive, int frame) {
   double x = 0, z = 0, heading = 0;
   for (int i = 0; i < frame; ++i) {
-    if (i >= 10 && i < 30) heading += drive.turn;
-    if (i >= 35 && i < 55) heading -= drive.turn;
+    if (i >= drive.straight && i < drive.straight + 20) heading += drive.turn;
+    if (i >= drive.straight + 25 && i < drive.straight + 45) heading -= drive.turn;
     x += drive.step * std::sin(heading);
     z += drive.step * std::cos(heading);
   }
@@ -45,8 +48,8 @@ Eigen::Isometry3d poseOf(const Drive& drive, int frame) {
   return T;
 }
 
-/// Feeds the tracks that an odometry without errors of the poses would give.
-void feed(const Drive& drive, LensEstimator* estimator) {
+/// The tracks that an odometry without errors of the poses would give, a frame after the other.
+void feed(const Drive& drive, const std::function<void(const VoFrame& frame)>& add) {
   std::mt19937 random(drive.seed);
   std::normal_distribution<double> noise(0, drive.noise_px);
   const PinholeCamera& camera = drive.lens.camera;
@@ -98,8 +101,13 @@ void feed(const Drive& drive, LensEstimator* estimator) {
       visible.push_back(point);
     }
     points = visible;
-    estimator->add(frame);
+    if (i == 0) frame.continuity = Continuity::kNewTrajectory;
+    add(frame);
   }
+}
+
+void feed(const Drive& drive, LensEstimator* estimator) {
+  feed(drive, [=](const VoFrame& frame) { estimator->add(frame); });
 }
 
 LensEstimator::Options widePrior() {
@@ -343,6 +351,32 @@ TEST(LensEstimator, SeparatesMapsAndRefusesWrongOptions) {
   LensEstimator::Options options;
   options.min_observations = 1;
   EXPECT_THROW(LensEstimator{options}, OptionError);
+}
+
+TEST(LensRefinement, StartsAnewAfterTheChangeOfTheLens) {
+  Drive drive;
+  drive.lens = Lens{kCamera, 0.1};
+  drive.step = 1.5;
+  drive.straight = 24;  // there are keyframes enough before the turn
+  LensRefinement refinement(Lens{kCamera}, {});
+  std::vector<int> changes;
+  std::vector<LensEstimate> estimates;
+  for (int run = 0; run < 2; ++run) {
+    int frames = 0;
+    feed(drive, [&](const VoFrame& frame) {
+      ++frames;
+      if (changes.size() > static_cast<std::size_t>(run)) return;
+      const auto better = refinement.add(frame, Lens{kCamera});
+      if (!better) return;
+      changes.push_back(frames);
+      estimates.push_back(*better);
+    });
+    ASSERT_EQ(changes.size(), run + 1u);
+    refinement.restart();
+  }
+  EXPECT_GT(changes[0], 48);
+  EXPECT_EQ(changes[1], changes[0]);
+  EXPECT_EQ(boxminus(estimates[1].lens, estimates[0].lens), LensVector::Zero());
 }
 
 }  // namespace

@@ -411,6 +411,7 @@ TEST_F(Graph, TheCameraIsRefinedWhileDriving) {
   const std::string file = temporaryFile(".yaml");
   NodeletPair pair(manager_, drive, "/refined");
   pair.setParam("mono_vo", "refined_camera_file", file);
+  pair.setParam("mono_vo", "odometry/readout_time", 0.001);
   ASSERT_TRUE(pair.load());
   TopicRecorder<sensor_msgs::CameraInfo> infos(handle_, "/refined/refined_camera_info");
   EXPECT_FALSE(callTrigger("/refined/mono_vo/save_camera"));
@@ -419,6 +420,7 @@ TEST_F(Graph, TheCameraIsRefinedWhileDriving) {
   EXPECT_NEAR(infos.last()->D.at(0), 0.05, 0.02);
   ASSERT_TRUE(callTrigger("/refined/mono_vo/save_camera"));
   EXPECT_TRUE(readCameraFile(file).estimated);
+  EXPECT_EQ(readCameraFile(file).readout_time, 0.001);
   EXPECT_NEAR(readCameraFile(file).distortion[0], infos.last()->D.at(0), 1e-8);
   std::filesystem::remove(file);
   EXPECT_EQ(pair.frames.last()->map_id, 0u);

@@ -217,6 +217,26 @@ TEST_F(Scale, TheTimeForWhichTheScaleIsHeldWhileDrivingIsReported) {
                                           "scale held for 3.9 s: too_few_triangles"));
 }
 
+// The camera rolls, as one that is mounted on its side does in turns.
+TEST_F(Scale, ResetForgetsTheTurns) {
+  FlatRoad road(4500);
+  ASSERT_TRUE(playUntilOdometry(road));
+  for (int i = 0; i < kFrames; ++i) {
+    const VoFrameMsg::Ptr frame = road.next();
+    const double half = 0.03 * i;
+    frame->pose.orientation.z = std::sin(half);
+    frame->pose.orientation.w = std::cos(half);
+    frames_.publish(frame);
+  }
+  const auto warns = [](const Status& status) {
+    return status.message.find("in turns the camera has ") != std::string::npos;
+  };
+  EXPECT_TRUE(diagnostics_.waitForStatus("scale_recovery", warns, false));
+  ASSERT_TRUE(reset());
+  ASSERT_TRUE(play(road, kFrames));
+  EXPECT_FALSE(warns(diagnostics_.next("scale_recovery")));
+}
+
 TEST_F(Scale, MalformedMessagesAreDroppedAndAnUncountedSequenceIsReported) {
   FlatRoad road(6000);
   const auto missing = [&] {

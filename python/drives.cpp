@@ -8,7 +8,6 @@
 #include <filesystem>
 #include <limits>
 #include <memory>
-#include <opencv2/imgcodecs.hpp>
 #include <optional>
 #include <string>
 #include <utility>
@@ -336,9 +335,7 @@ std::string residualImage(const gsv::LensCalibration::Result& result,
   const auto drive = std::find_if(result.drives.begin(), result.drives.end(), [](const auto& one) {
     return one.status == gsv::LensEstimator::Status::kOk;
   });
-  std::vector<std::uint8_t> png;
-  cv::imencode(".png", gsv::drawResiduals(*drive, camera), png);
-  return {png.begin(), png.end()};
+  return gsv::encodePng(gsv::drawResiduals(*drive, camera));
 }
 
 /// Estimates the lens from drives, functions that open the same drive at each call; the first one

@@ -308,7 +308,7 @@ def main():
     parser.add_argument("folder", type=pathlib.Path, metavar="DIR", help="a result folder")
     parser.add_argument("--command", type=shlex.split, default="", help="the command that made the results, for the page")
     parser.add_argument("--images", type=shlex.split, default="", metavar="COMMAND",
-                        help="run_sequence with the drive and its options, for images of the worst places")
+                        help="run_sequence or evaluate_bag with the drive and its options, for images of the worst places")
     arguments = parser.parse_args()
     try:
         write(arguments.folder, arguments.command, *[images_of(arguments.images)] * bool(arguments.images))

@@ -288,18 +288,16 @@ def main():
             (results / name).unlink(missing_ok=True)
         if not play(bags, arguments):
             return 1
+        evaluation = [tools / "evaluate_bag", "--played", *bags, *(["--image", arguments.image] if arguments.image else [])]
         evaluated = subprocess.run(
-            [tools / "evaluate_bag", "--played", *bags, "--recorded", results / "recorded.bag", "--out", results,
-             *(["--camera-height", str(arguments.camera_height)] if arguments.camera_height else []),
-             *(["--image", arguments.image] if arguments.image else [])], stderr=subprocess.PIPE, text=True)
+            [*evaluation, "--recorded", results / "recorded.bag", "--out", results,
+             *(["--camera-height", str(arguments.camera_height)] if arguments.camera_height else [])],
+            stderr=subprocess.PIPE, text=True)
         if (results / "metrics.json").exists():  # also when they are no result
             subprocess.run([tools / "metrics_table.py", results], check=True)
             subprocess.run([tools / "plot_run.py", results], check=True)
-            page = [tools / "run_page.py", results, "--command", shlex.join(["scripts/demo", *sys.argv[1:]])]
-            if sequence:
-                page += ["--images", shlex.join(map(str, (tools / "run_sequence", sequence, "--camera-height",
-                                                          arguments.camera_height)))]
-            subprocess.run(page, check=True)
+            subprocess.run([tools / "run_page.py", results, "--command", shlex.join(["scripts/demo", *sys.argv[1:]]),
+                            "--images", shlex.join(map(str, evaluation))], check=True)
             print(f"results and plots: {results}")
     print(evaluated.stderr, end="", file=sys.stderr, flush=True)
     return evaluated.returncode

@@ -142,6 +142,12 @@ cv::Mat decodePixels(std::string_view bytes) {
   return pixels;
 }
 
+std::string encodePng(const cv::Mat& pixels) {
+  std::vector<std::uint8_t> bytes;
+  cv::imencode(".png", pixels, bytes);
+  return {bytes.begin(), bytes.end()};
+}
+
 std::string bayerPatternOf(const std::string& format) {
   return format.rfind("bayer_", 0) == 0 ? format.substr(0, format.find(';')) : "";
 }

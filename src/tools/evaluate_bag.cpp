@@ -9,13 +9,16 @@
 #include <sensor_msgs/Image.h>
 #include <tf2_msgs/TFMessage.h>
 
+#include <algorithm>
 #include <cstdio>
 #include <exception>
 #include <filesystem>
+#include <functional>
 #include <limits>
 #include <list>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <opencv2/core.hpp>
 #include <optional>
 #include <string>
 #include <utility>
@@ -28,6 +31,7 @@
 #include "ground_scale_vo/evaluation/run_failure.hpp"
 #include "ground_scale_vo/evaluation/run_record.hpp"
 #include "ground_scale_vo/evaluation/run_report.hpp"
+#include "ground_scale_vo/input/image.hpp"
 #include "ground_scale_vo/input/stamps.hpp"
 #include "ground_scale_vo/io/drive_reader.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
@@ -47,6 +51,7 @@ using Bags = std::vector<const rosbag::Bag*>;
 struct Arguments {
   Names played;
   std::string recorded, out, image;
+  std::vector<std::size_t> images;
   double camera_height = 0;
 };
 
@@ -105,7 +110,12 @@ struct Played {
   gsv::GroundTruthTf ground_truth;
 };
 
-void readPlayed(const Arguments& arguments, Played& played) {
+using GreyOf = std::function<cv::Mat()>;  ///< throws DataError
+
+/// on_image: is called with each image, after it is appended to played->images.
+void readPlayed(
+    const Arguments& arguments, Played& played,
+    const std::function<void(const GreyOf& grey)>& on_image = [](const GreyOf&) {}) {
   const Names wanted = arguments.image.empty() ? gsv::kKittiImageTopics : Names{arguments.image};
   const auto topics_of = [&](const Bags& bags) {
     Names topics;
@@ -118,6 +128,7 @@ void readPlayed(const Arguments& arguments, Played& played) {
   };
   const std::string bag = "the bag " + joined(arguments.played, " ");
   std::string found;
+  gsv::GreyConverter converter;
   forEachMessage(arguments.played, topics_of, [&](const rosbag::MessageInstance& instance) {
     const std::string topic = gsv::spellingsOf(instance.getTopic())[0];
     if (const auto tf = instance.instantiate<tf2_msgs::TFMessage>()) {
@@ -125,8 +136,12 @@ void readPlayed(const Arguments& arguments, Played& played) {
     }
     if (const auto image = instance.instantiate<sensor_msgs::Image>()) {
       played.images.push_back(image->header);
+      on_image([&] { return converter.convert(gsv::fromMsg(*image)); });
     } else if (const auto compressed = instance.instantiate<sensor_msgs::CompressedImage>()) {
       played.images.push_back(compressed->header);
+      on_image([&] {
+        return converter.convert(gsv::decode(*compressed), gsv::bayerPatternOf(compressed->format));
+      });
     } else {
       return;
     }
@@ -379,6 +394,24 @@ Restored restore(const Played& played, const Recorded& recorded, std::size_t fir
   return restored;
 }
 
+/// The images with these numbers that can be decoded, as DIR/NUMBER.png.
+int writeImages(const Arguments& arguments) {
+  gsv::makeFolder(arguments.out);
+  Played played;
+  readPlayed(arguments, played, [&](const GreyOf& grey) {
+    const std::size_t number = played.images.size() - 1;
+    const auto& wanted = arguments.images;
+    if (std::find(wanted.begin(), wanted.end(), number) == wanted.end()) return;
+    try {
+      gsv::writeFile(std::filesystem::path(arguments.out) / (std::to_string(number) + ".png"),
+                     gsv::encodePng(grey()));
+    } catch (const gsv::DataError& error) {
+      std::fprintf(stderr, "image %zu: %s\n", number, error.what());
+    }
+  });
+  return 0;
+}
+
 int evaluate(const Arguments& arguments) {
   Played played;
   readPlayed(arguments, played);
@@ -424,7 +457,7 @@ int main(int argc, char** argv) {
       ("played", gsv::requiredValue(&arguments.played, "BAG...")->multitoken(),
        "the bag that was played, or its parts: its images define the frames, its tf is the ground "
        "truth")  //
-      ("recorded", gsv::requiredValue(&arguments.recorded, "BAG"),
+      ("recorded", gsv::po::value(&arguments.recorded)->value_name("BAG"),
        "the bag that bag.launch record:=BAG wrote: scale, odometry, vo/odometry, /diagnostics")  //
       ("out", gsv::requiredValue(&arguments.out, "DIR"),
        "gets the files of run_sequence: poses.txt, poses_unscaled.txt, trajectory_tum.txt, "
@@ -437,7 +470,15 @@ int main(int argc, char** argv) {
        "[m] as it was given to the launch file; without: none, but a speed")  //
       ("image", gsv::topicValue(&arguments.image),
        "image topic of the played bag (default: image_rect, image_raw or image of "
-       "/kitti/camera_gray_left)");
-  return command_line.run(
-      argc, argv, [] {}, [&] { return evaluate(arguments); });
+       "/kitti/camera_gray_left)")  //
+      ("images", gsv::po::value(&arguments.images)->multitoken()->value_name("N..."),
+       "only writes the images of the played bag with these numbers, from 0, to DIR/N.png");
+  const auto check = [&] {
+    if (arguments.recorded.empty() && arguments.images.empty()) {
+      throw gsv::OptionError("--recorded BAG is missing");
+    }
+  };
+  return command_line.run(argc, argv, check, [&] {
+    return arguments.images.empty() ? evaluate(arguments) : writeImages(arguments);
+  });
 }

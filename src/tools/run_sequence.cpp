@@ -3,7 +3,6 @@
 #include <cstdio>
 #include <filesystem>
 #include <opencv2/core.hpp>
-#include <opencv2/imgcodecs.hpp>
 #include <string>
 #include <vector>
 
@@ -12,6 +11,7 @@
 #include "ground_scale_vo/evaluation/drive_run.hpp"
 #include "ground_scale_vo/evaluation/progress_line.hpp"
 #include "ground_scale_vo/evaluation/speed_file.hpp"
+#include "ground_scale_vo/input/image.hpp"
 #include "support/drive_arguments.hpp"
 
 namespace {
@@ -27,11 +27,9 @@ int writeImages(const Arguments& arguments) {
   gsv::makeFolder(arguments.out);
   for (std::size_t i = 0; i < images.size(); ++i) {
     if (images[i].empty()) continue;
-    std::vector<std::uint8_t> png;
-    cv::imencode(".png", images[i], png);
     gsv::writeFile(
         std::filesystem::path(arguments.out) / (std::to_string(arguments.images[i]) + ".png"),
-        {png.begin(), png.end()});
+        gsv::encodePng(images[i]));
   }
   return 0;
 }

@@ -59,6 +59,7 @@ def test_parts_of_a_bag_with_other_names(bag, tmp_path):
     assert_played(done.stdout, out / "my half's 2")
     metrics = json.loads((out / "my half's 2/metrics.json").read_text())
     assert metrics["rle_percent"] is not None and metrics["camera_height_m"] == 1.65
+    assert '<img src="data:image/jpeg' in (out / "my half's 2/report.html").read_text()
 
 
 def test_camera_file_instead_of_camera_info(bag, short, tmp_path):

@@ -32,6 +32,8 @@ cv::Mat pixelsOf(const RawImage& image);
 /// pixels. Zeros may follow the image, as cameras with MJPEG append them. Throws DataError, to
 /// which the caller adds the name of the image: "is not a whole PNG or JPEG image", ....
 cv::Mat decodePixels(std::string_view bytes);
+/// The bytes of a PNG image, of 8 bits and 1 or 3 (BGR) channels.
+std::string encodePng(const cv::Mat& pixels);
 
 /// The Bayer pattern of decodePixels(), for GreyConverter, from the format of a
 /// sensor_msgs/CompressedImage, such as "bayer_rggb8; jpeg compressed". Empty without one: decoded

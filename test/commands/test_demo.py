@@ -62,16 +62,11 @@ def test_parts_of_a_bag_with_other_names(bag, tmp_path):
     assert '<img src="data:image/jpeg' in (out / "my half's 2/report.html").read_text()
 
 
-def test_camera_file_instead_of_camera_info(bag, short, tmp_path):
-    played, camera = tmp_path / "short.bag", write_camera(tmp_path / "camera.yaml", short)
-    bags.copy(bag, played, lambda topic, message: None if topic == bags.INFO else (topic, message))
-    assert_played(run(DEMO, "--out", tmp_path, "--bag", played, "--camera", camera).stdout, tmp_path / "short")
-
-
-def test_speed_instead_of_a_height(bag, tmp_path):
-    played = tmp_path / "short.bag"
-    bags.add_speed(bag, played, bags.speed_of(Float64, 3.6))
-    done = run(DEMO, "--out", tmp_path, "--bag", played, "--speed", bags.SPEED, "--speed-unit", "kmh")
+def test_speed_and_camera_file_instead_of_height_and_camera_info(bag, short, tmp_path):
+    played, with_info, camera = tmp_path / "short.bag", tmp_path / "all.bag", write_camera(tmp_path / "camera.yaml", short)
+    bags.add_speed(bag, with_info, bags.speed_of(Float64, 3.6))
+    bags.copy(with_info, played, lambda topic, message: None if topic == bags.INFO else (topic, message))
+    done = run(DEMO, "--out", tmp_path, "--bag", played, "--camera", camera, "--speed", bags.SPEED, "--speed-unit", "kmh")
     assert_played(done.stdout, tmp_path / "short")
     metrics = json.loads((tmp_path / "short/metrics.json").read_text())
     assert abs(metrics["rle_percent"]) < 2 and abs(metrics["learned_camera_height_m"] - CAMERA_HEIGHT) < 0.1

@@ -305,17 +305,16 @@ CASES = {
     "Virtual KITTI": Case(virtual_kitti, ("--fps", 10)),
     "MP4 with an edit list": Case(cut_video, tolerance=0.03, first=10),
     "bag": Case(bag_of(), ("--rectified",)),
-    "12 bits in a bag": Case(bag_of(lambda m: with_pixels(m, grey_of(m).astype(np.uint16) * 16, "mono16")), ("--rectified",)),
-    "rgb8 in a bag": Case(bag_of(lambda m: with_pixels(m, cv2.cvtColor(grey_of(m), cv2.COLOR_GRAY2RGB), "rgb8")),
-                          ("--rectified",)),
-    "camera_info without a size": Case(bag_of(change_info=unsized), ("--rectified",)),
+    "12 bits in a bag, ROI of the whole image": Case(
+        bag_of(lambda m: with_pixels(m, grey_of(m).astype(np.uint16) * 16, "mono16"), full_roi), ("--rectified",)),
+    "rgb8 in a bag, a single camera_info without a size": Case(
+        bag_of(lambda m: with_pixels(m, cv2.cvtColor(grey_of(m), cv2.COLOR_GRAY2RGB), "rgb8"),
+               lambda m, i: unsized(m, i) if i == 1 else None), ("--rectified",)),
     "compressed images of any name": Case(bag_of(as_png, topic="/cam/jpeg", info="/cam/camera_info"), (),
                                           launch=("image:=/cam/jpeg", f"camera_height:={CAMERA_HEIGHT}")),
     "topics without a slash": Case(bag_of(topic="cam/image", info="cam/camera_info"), (),
                                    launch=("image:=/cam/image", f"camera_height:={CAMERA_HEIGHT}")),
-    "ROI of the whole image": Case(bag_of(change_info=full_roi), ("--rectified",)),
     "binning": Case(bag_of(halved, binned), ("--rectified",), tolerance=0.03),
-    "a single camera_info": Case(bag_of(change_info=lambda m, i: m if i == 1 else None), ("--rectified",)),
 
     "zoom in the bag": Case(bag_of(from_image(20, zoomed), from_info(20, zoomed_info)), ("--rectified",), tolerance=0.05,
                             python="the camera changes at image 2[01], from "),

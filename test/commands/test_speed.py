@@ -100,16 +100,19 @@ CLOCK = 1317013370.0  # [s]
 
 
 @pytest.mark.parametrize("unit", UNITS)
-def test_units_give_the_same_metres(gsv_command, both, low, tmp_path, unit):
+def test_units_give_the_same_metres(gsv_command, low, tmp_path, unit):
+    """As the name of the column and as an option. Stamps in milliseconds."""
     stamps, values = speeds_of(low)
     truth = np.trapz(values, stamps)
-    for column, options in ((f"speed_{unit}", ()), ("speed", ("--speed-unit", unit))):
-        file = write(tmp_path / "speed.csv", 1e3 * stamps, UNITS[unit] * values, column)  # stamps in milliseconds
-        for status, text in both(gsv_command, file, *options):
-            assert status == 0, text
-            length, sigma = length_and_sigma(text)
-            assert abs(length - truth) < max(3 * sigma, 0.003 * truth), text
-            assert sigma < 0.02 * truth
+    named, plain = (write(tmp_path / f"{column}.csv", 1e3 * stamps, UNITS[unit] * values, column)
+                    for column in (f"speed_{unit}", "speed"))
+    done = run(tool("run_sequence"), low, "--speed", plain, "--speed-unit", unit, "--out", tmp_path)
+    status, output, messages = gsv_command("run", low, "--speed", named, "--out", tmp_path)
+    assert status == 0, messages
+    for text in (done.stdout + done.stderr, output + messages):
+        length, sigma = length_and_sigma(text)
+        assert abs(length - truth) < max(3 * sigma, 0.003 * truth), text
+        assert sigma < 0.02 * truth
 
 
 @pytest.mark.parametrize("factor, options, refusal", [

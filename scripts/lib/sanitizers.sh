@@ -14,8 +14,7 @@ gsv_sanitizers() {
   local log=log_path=$gsv_reports/report suppressions=$gsv_root/test/sanitizers library=libasan.so
   [[ $1 != thread ]] || library=libtsan.so
   [[ $1 != undefined ]] || library=libubsan.so
-  # scripts/test switches leak detection off for the rostests, in which Python and the nodelet
-  # manager hold memory until they exit.
+  # scripts/test switches leak detection off for the rostests.
   # abort_on_error: a fuzz target names the input under test when it gets the signal.
   export ASAN_OPTIONS=$log:detect_leaks=1:detect_stack_use_after_return=1:new_delete_type_mismatch=1
   ASAN_OPTIONS+=:abort_on_error=1

@@ -81,7 +81,12 @@ class ScaledPatches {
 
   double factor() const { return factor_; }  ///< resized over original pixels
   cv::Size size() const { return to_.size(); }
-  cv::Point2f resized(const Eigen::Vector2d& u) const { return scaled(u, factor_); }
+  /// The nearest resized pixel; of a projection far outside the image, one that is far outside, too.
+  cv::Point resized(const Eigen::Vector2d& u) const {
+    constexpr double kFar_px = 1e6;
+    const cv::Point2f at = scaled(u.cwiseMin(kFar_px).cwiseMax(-kFar_px), factor_);
+    return {cvRound(at.x), cvRound(at.y)};
+  }
   Eigen::Vector2d original(const cv::Point2f& u) const {
     return {(u.x + 0.5) / factor_ - 0.5, (u.y + 0.5) / factor_ - 0.5};
   }
@@ -207,8 +212,8 @@ class PoseRating {
       if (!size) continue;
       const auto [entry, is_new] = responses_.try_emplace({i, *size});
       if (is_new) {
-        const cv::Point2f u = patches_.resized(camera_.project(T * points_[i].second));
-        entry->second = responseAround(cvRound(u.y), *points_[i].first, *size);
+        const cv::Point pixel = patches_.resized(camera_.project(T * points_[i].second));
+        entry->second = responseAround(pixel.y, *points_[i].first, *size);
       }
       if (!entry->second.correlation.empty()) selected_[i] = &entry->second;
     }
@@ -237,9 +242,8 @@ class PoseRating {
       if (!selected_[i]) continue;
       const Eigen::Vector3d p = T_next_previous * points_[i].second;
       if (!(p.z() > 0)) continue;
-      const cv::Point2f u = patches_.resized(camera_.project(p));
       const cv::Mat& correlation = selected_[i]->correlation;
-      const cv::Point pixel(cvRound(u.x), cvRound(u.y));
+      const cv::Point pixel = patches_.resized(camera_.project(p));
       const cv::Point at = pixel - selected_[i]->origin;
       if (!cv::Rect({0, 0}, correlation.size()).contains(at) || patches_.isMasked(pixel)) continue;
       sum += correlation.at<float>(at) - selected_[i]->mean;
@@ -264,9 +268,8 @@ std::vector<Feature> matchesNear(const PinholeCamera& camera, const std::vector<
   for (const Point& point : points) {
     const auto size = sizeOf(point, T_next_previous);
     if (!size) continue;
-    const cv::Point2f u = patches->resized(camera.project(T_next_previous * point.second));
-    cv::Rect region(cvRound(u.x) - reach_px, cvRound(u.y) - reach_px, 2 * reach_px + 1,
-                    2 * reach_px + 1);
+    const cv::Point pixel = patches->resized(camera.project(T_next_previous * point.second));
+    cv::Rect region(pixel.x - reach_px, pixel.y - reach_px, 2 * reach_px + 1, 2 * reach_px + 1);
     const cv::Mat correlation = patches->correlate(point.first->u, *size, &region);
     if (correlation.empty()) continue;
     double peak = 0;

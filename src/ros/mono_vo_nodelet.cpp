@@ -228,8 +228,8 @@ void MonoVoNodelet::useCameraInfo(const sensor_msgs::CameraInfo& info) {
 }
 
 bool MonoVoNodelet::awaitsCameraInfo() const {
-  const auto room = static_cast<std::size_t>(std::max(params_.queue_size - 1, 1));
-  return image_has_info_ && images_.size() <= room && newest_info_ < images_.front().header.stamp;
+  const bool is_full = images_.size() == static_cast<std::size_t>(params_.queue_size);
+  return image_has_info_ && !is_full && newest_info_ < images_.front().header.stamp;
 }
 
 void MonoVoNodelet::giveUpCameraInfo() {
@@ -264,7 +264,6 @@ void MonoVoNodelet::store(const ReceivedImage& image) {
   if (images_.size() == static_cast<std::size_t>(params_.queue_size)) {
     images_.pop_front();
     ++dropped_from_queue_;
-    image_has_info_ = false;  // do not wait for a camera_info that does not come
   }
   images_.push_back(image);
   info_patience_.stop();

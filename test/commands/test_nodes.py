@@ -13,6 +13,7 @@ import pytest
 import rosbag
 import rospy
 from conftest import ROOT
+from diagnostic_msgs.msg import KeyValue
 from geometry_msgs.msg import Point32, Quaternion
 from sensor_msgs.msg import ChannelFloat32
 
@@ -183,6 +184,15 @@ def test_the_words_of_several_bags(monitor, tmp_path):
         monitor.bag_files("/none/it's.bag")
     with pytest.raises(monitor.PlaybackError, match=re.escape('bag:="$PWD/a.bag $PWD/b.bag"')):
         monitor.bag_files("./a.bag b.bag")
+
+
+def test_a_speed_error_that_has_ended_is_no_failure(monitor):
+    output = monitor.OutputMonitor(1)
+    for error, text in (("speeds of another unit", "speeds of another unit"), ("", "no metric pose: ")):
+        status = monitor.DiagnosticStatus(name="/scale_recovery: scale", values=[KeyValue("speed error", error)])
+        output._on_diagnostics(monitor.DiagnosticArray(status=[status]))
+        with pytest.raises(monitor.PlaybackError, match=text):
+            output.summary()
 
 
 def test_the_bag_ends_with_its_last_image(monitor, bag, tmp_path):

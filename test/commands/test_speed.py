@@ -1,12 +1,14 @@
 """Speeds of the vehicle: `run`, `run_sequence --speed` and Python, all three with the same result."""
 
 import csv
+import importlib
 import json
 import re
 
 import numpy as np
 import pytest
 from conftest import CAMERA_HEIGHT, assert_refused, poses_of, rendered, run, tool
+from geometry_msgs.msg import TwistWithCovarianceStamped, Vector3
 
 
 def speeds_of(folder):
@@ -93,6 +95,15 @@ def both(low, tmp_path_factory):
         assert status == done.returncode
         return [(done.returncode, done.stdout + done.stderr), (status, output + messages)]
     return call
+
+
+def test_each_number_of_a_message_has_its_place(gsv):
+    del gsv
+    message = TwistWithCovarianceStamped()
+    message.header.stamp.secs, message.header.stamp.nsecs = 3, 4
+    message.twist.twist.linear = Vector3(5, 6, 7)
+    message.twist.covariance = range(10, 46)
+    assert importlib.import_module("ground_scale_vo.bags")._velocity(message, None) == (3_000_000_004, (5, 6, 7), 10)
 
 
 UNITS = {"mps": 1, "kmh": 3.6, "mph": 1 / 0.44704, "knots": 3600 / 1852, "mmps": 1000}

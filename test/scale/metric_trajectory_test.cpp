@@ -5,7 +5,6 @@
 #include <Eigen/Cholesky>
 #include <cmath>
 #include <random>
-#include <utility>
 
 namespace gsv {
 namespace {
@@ -21,17 +20,6 @@ VoFrame frameAt(int i, const Eigen::Isometry3d& T_w_c,
   frame.T_w_c = T_w_c;
   return frame;
 }
-
-/// With the continuity of the frames.
-class Trajectory : public MetricTrajectory {
- public:
-  using MetricTrajectory::append;
-  explicit Trajectory(const Options& options = {}) : MetricTrajectory(options) {}
-  std::optional<MetricPose> append(const VoFrame& frame, const ScaleEstimate& scale,
-                                   const SpeedTrack& speeds = SpeedTrack(0)) {
-    return append(frame, frame.continuity, scale, speeds);
-  }
-};
 
 /// Of a camera at a height of 1 m.
 ScaleEstimate scaleOf(double scale, double relative_sigma = 0) {
@@ -49,11 +37,31 @@ Eigen::Isometry3d straight(double z) {
   return T;
 }
 
+/// With the continuity of the frames.
+class Trajectory : public MetricTrajectory {
+ public:
+  explicit Trajectory(const Options& options = {}) : MetricTrajectory(options) {}
+  std::optional<MetricPose> append(const VoFrame& frame, const ScaleEstimate& scale) {
+    return MetricTrajectory::append(frame, frame.continuity, scale);
+  }
+  /// Of a camera that moves along its optical axis, at z [VO units].
+  std::optional<MetricPose> append(int i, double z, const ScaleEstimate& scale,
+                                   Continuity continuity = Continuity::kSameMap) {
+    return append(frameAt(i, straight(z), continuity), scale);
+  }
+  void appendInitialising(int i, Continuity continuity = Continuity::kSameMap) {
+    VoFrame frame = frameAt(i, straight(0), continuity);
+    frame.status = VoStatus::kInitialising;
+    append(frame, {});
+  }
+};
+
+double sigmaAlongZ(const MetricPose& pose) { return std::sqrt(pose.covariance(2, 2)); }
+
 /// Pose of frame i: in each frame 0.5 VO units ahead and a yaw of 0.02 rad.
 Eigen::Isometry3d onCircle(int i) {
-  Eigen::Isometry3d step = Eigen::Isometry3d::Identity();
-  step.rotate(Eigen::AngleAxisd(0.02, Eigen::Vector3d::UnitY()));
-  step.translation() = Eigen::Vector3d(0, 0, 0.5);
+  Eigen::Isometry3d step(Eigen::AngleAxisd(0.02, Eigen::Vector3d::UnitY()));
+  step.translation().z() = 0.5;
   Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
   for (int k = 0; k < i; ++k) T = T * step;
   return T;
@@ -63,55 +71,49 @@ TEST(MetricTrajectory, ANewScaleAppliesToAllMotionOfAYoungMap) {
   MetricTrajectory::Options options;
   options.young_map_heights = 10;
   Trajectory trajectory(options);
-  const auto append = [&](int i, double z, const ScaleEstimate& scale) {
-    return trajectory.append(frameAt(i, straight(z)), scale);
-  };
-  EXPECT_FALSE(append(0, 0, {}));
-  EXPECT_FALSE(append(1, 0.5, {}));
-  auto pose = append(2, 1, scaleOf(2, 0.1));  // includes the motion before
+  EXPECT_FALSE(trajectory.append(0, 0, {}));
+  EXPECT_FALSE(trajectory.append(1, 0.5, {}));
+  auto pose = trajectory.append(2, 1, scaleOf(2, 0.1));  // includes the motion before
   EXPECT_DOUBLE_EQ(pose->T_o_c.translation().z(), 2);
   EXPECT_DOUBLE_EQ(pose->distance, 2);
   EXPECT_NEAR(pose->twist_c(2), 10, 1e-9);  // of the last increment
   EXPECT_NEAR(std::sqrt(pose->twist_covariance(2, 2)), 1, 0.02);
-  pose = append(3, 2, scaleOf(3, 0.05));
+  pose = trajectory.append(3, 2, scaleOf(3, 0.05));
   EXPECT_DOUBLE_EQ(pose->T_o_c.translation().z(), 6);
   EXPECT_DOUBLE_EQ(pose->distance, 6);
-  EXPECT_NEAR(std::sqrt(pose->covariance(2, 2)), 6 * 0.05, 1e-9);
+  EXPECT_NEAR(sigmaAlongZ(*pose), 6 * 0.05, 1e-9);
   EXPECT_NEAR(pose->twist_c(2), 30, 1e-9);
   // 12 camera heights: from the next frame on the past is fixed.
-  EXPECT_DOUBLE_EQ(append(4, 4, scaleOf(3, 0.05))->T_o_c.translation().z(), 12);
-  pose = append(5, 5, scaleOf(2, 0.05));
+  EXPECT_DOUBLE_EQ(trajectory.append(4, 4, scaleOf(3, 0.05))->T_o_c.translation().z(), 12);
+  pose = trajectory.append(5, 5, scaleOf(2, 0.05));
   EXPECT_DOUBLE_EQ(pose->T_o_c.translation().z(), 14);
-  EXPECT_GT(std::sqrt(pose->covariance(2, 2)), 12 * 0.05);
+  EXPECT_GT(sigmaAlongZ(*pose), 12 * 0.05);
 }
 
 // Without MapStart the world frame of a map is known only if its initialisation was seen.
 TEST(MetricTrajectory, AMapCountsFromItsFirstFrameWhenThatWasSeen) {
-  VoFrame initialising = frameAt(3, straight(0));
-  initialising.status = VoStatus::kInitialising;
-  struct Case {
-    bool is_another_map;
-    std::int64_t start_ns;  // 0: not known
+  const struct Case {
+    Continuity continuity;
+    std::int64_t start_ns;
     bool counts;
-  };
-  const std::int64_t start_ns = frameAt(4, {}).stamp_ns, next_ns = frameAt(8, {}).stamp_ns;
-  for (const Case& each :
-       {Case{false, 0, true}, Case{true, 0, false}, Case{false, start_ns, true},
-        Case{true, start_ns, true}, Case{false, next_ns, false} /* in the future */,
-        Case{false, 1, false} /* before a reset */}) {
+  } kCases[] = {{Continuity::kSameMap, 0, true},  // not known
+                {Continuity::kNewMap, 0, false},
+                {Continuity::kSameMap, 400'000'000, true},
+                {Continuity::kNewMap, 400'000'000, true},
+                {Continuity::kSameMap, 800'000'000, false},  // in the future
+                {Continuity::kSameMap, 1, false}};           // before a reset
+  for (const Case& each : kCases) {
     SCOPED_TRACE(each.start_ns);
     Trajectory trajectory;
-    trajectory.append(initialising, {});
-    VoFrame frame =
-        frameAt(7, straight(3), each.is_another_map ? Continuity::kNewMap : Continuity::kSameMap);
+    trajectory.appendInitialising(3);
+    VoFrame frame = frameAt(7, straight(3), each.continuity);
     frame.map_start.stamp_ns = each.start_ns;
     EXPECT_EQ(trajectory.countsFromStart(frame), each.counts);
     const auto pose = trajectory.append(frame, scaleOf(2));
     EXPECT_DOUBLE_EQ(pose->T_o_c.translation().z(), each.counts ? 6 : 0);
     EXPECT_DOUBLE_EQ(pose->distance, each.counts ? 6 : 0);
-    if (each.start_ns == start_ns) {
-      EXPECT_NEAR(pose->twist_c(2), 20, 1e-9);  // 6 m since frame 4
-    }
+    if (each.start_ns != 400'000'000) continue;
+    EXPECT_NEAR(pose->twist_c(2), 20, 1e-9);  // 6 m in 0.3 s
   }
 }
 
@@ -123,12 +125,12 @@ TEST(MetricTrajectory, AMapThatStartsInItsMiddleCountsFromThatFrame) {
     for (int i = 1; i <= 22; ++i) {
       VoFrame frame = frameAt(i, straight(i < 21 ? i - 1 : 1000 + i));
       frame.map_start.stamp_ns = frameAt(1, {}).stamp_ns;
-      pose = trajectory.append(frame, i == 21 ? Continuity::kNewMap : Continuity::kSameMap,
-                               i == 21 && !has_scale ? ScaleEstimate() : scaleOf(1));
-      if (i == 21 && has_scale) {
-        EXPECT_NEAR(pose->T_o_c.translation().z(), 20, 1e-9);  // the last metre bridges the gap
-        EXPECT_NEAR(pose->distance, 20, 1e-9);
-      }
+      pose = trajectory.MetricTrajectory::append(
+          frame, i == 21 ? Continuity::kNewMap : Continuity::kSameMap,
+          i == 21 && !has_scale ? ScaleEstimate() : scaleOf(1));
+      if (i != 21 || !has_scale) continue;
+      EXPECT_NEAR(pose->T_o_c.translation().z(), 20, 1e-9);  // the last metre bridges the gap
+      EXPECT_NEAR(pose->distance, 20, 1e-9);
     }
     EXPECT_NEAR(pose->T_o_c.translation().z(), 21, 1e-9);
     EXPECT_NEAR(pose->distance, 21, 1e-9);
@@ -137,18 +139,31 @@ TEST(MetricTrajectory, AMapThatStartsInItsMiddleCountsFromThatFrame) {
 
 TEST(MetricTrajectory, AStandstillAddsNothingAndItsTwistIsNotExact) {
   Trajectory trajectory;
-  const auto first = trajectory.append(frameAt(1, straight(1)), scaleOf(2, 0.05));
+  const auto first = trajectory.append(1, 1, scaleOf(2, 0.05));
   EXPECT_EQ(first->T_o_c.translation().norm(), 0);
   EXPECT_EQ(first->distance, 0);
   EXPECT_EQ(first->covariance.norm(), 0);
   EXPECT_EQ(first->twist_c.norm(), 0);
   EXPECT_GT(std::sqrt(first->twist_covariance.diagonal().minCoeff()), 10);  // not known
-  const auto standstill = trajectory.append(frameAt(2, straight(1)), scaleOf(2, 0.05));
+  const auto standstill = trajectory.append(2, 1, scaleOf(2, 0.05));
   EXPECT_EQ(standstill->covariance, first->covariance);
   EXPECT_EQ(standstill->twist_c.norm(), 0);
   // A pose error of some millimetres in 0.1 s.
   EXPECT_GT(std::sqrt(standstill->twist_covariance.diagonal().head<3>().minCoeff()), 0.01);
   EXPECT_GT(std::sqrt(standstill->twist_covariance.diagonal().tail<3>().minCoeff()), 1e-3);
+}
+
+TEST(MetricTrajectory, SkipsIncrementsThatAreNotFinite) {
+  Trajectory trajectory;
+  ASSERT_TRUE(trajectory.append(0, 1, scaleOf(2, 0.01)));
+  for (const double number : {std::nan(""), HUGE_VAL, 1e300}) {
+    EXPECT_FALSE(trajectory.append(1, number, scaleOf(2, 0.01))) << number;
+    EXPECT_FALSE(trajectory.append(1, 1.5, scaleOf(2, number))) << number;
+  }
+  const auto pose = trajectory.append(2, 2, scaleOf(2, 0.01));
+  ASSERT_TRUE(pose);
+  EXPECT_DOUBLE_EQ(pose->T_o_c.translation().z(), 2);  // from the first frame seen
+  EXPECT_TRUE(pose->covariance.allFinite());
 }
 
 /// Without errors except those that a test adds.
@@ -167,9 +182,9 @@ TEST(MetricTrajectory, ACorrelatedScaleErrorGrowsWithItsSigma) {
   Trajectory trajectory(options);
   std::optional<MetricPose> pose;
   for (int i = 0; i <= 100; ++i) {
-    pose = trajectory.append(frameAt(i, straight(i)), scaleOf(2, i < 50 ? 0.02 : 0.04));
+    pose = trajectory.append(i, i, scaleOf(2, i < 50 ? 0.02 : 0.04));
   }
-  EXPECT_NEAR(std::sqrt(pose->covariance(2, 2)), 0.02 * 100 + 0.04 * 100, 0.06);
+  EXPECT_NEAR(sigmaAlongZ(*pose), 0.02 * 100 + 0.04 * 100, 0.06);
   EXPECT_EQ(pose->covariance, pose->covariance.transpose());
 }
 
@@ -183,16 +198,20 @@ VoFrame withCovariance(VoFrame frame) {
   return frame;
 }
 
-// A rotation and a translation between the map's first frame and its first metric one.
+/// A scale of 2 with a relative sigma of 0.01, all of it the camera height's.
+ScaleEstimate scaleByHeight() {
+  ScaleEstimate scale = scaleOf(2, 0.01);
+  scale.camera_height = 1.5;
+  scale.camera_height_sigma = 0.015;
+  return scale;
+}
+
 // Errors of the length do not cancel on a loop, as those of the position do: the camera height's is
 // the same factor of every metre, the filter's is independent after scale_correlation_m.
 TEST(MetricTrajectory, TheErrorOfTheDistanceIsSummedAlongALoop) {
   MetricTrajectory::Options options;
   options.scale_correlation_m = 10;
-  ScaleEstimate by_height = scaleOf(2, 0.01);
-  by_height.camera_height = 1.5;
-  by_height.camera_height_sigma = 0.015;
-  for (const ScaleEstimate& scale : {by_height, scaleOf(2, 0.01)}) {
+  for (const ScaleEstimate& scale : {scaleByHeight(), scaleOf(2, 0.01)}) {
     Trajectory trajectory(options);
     std::optional<MetricPose> pose;
     for (int i = 0; i <= 314; ++i) pose = trajectory.append(frameAt(i, onCircle(i)), scale);
@@ -209,33 +228,28 @@ TEST(MetricTrajectory, TheErrorOfTheCameraHeightIsAFactorOfTheWholeDrive) {
   MetricTrajectory::Options options;
   options.direction_sigma = options.rotation_sigma_per_sqrt_m = 0;
   Trajectory trajectory(options);
-  ScaleEstimate scale = scaleOf(2, 0.01);
-  scale.camera_height = 1.5;
-  scale.camera_height_sigma = 0.015;
   std::optional<MetricPose> pose;
-  const auto drive = [&](int from, int to, double z, double step) {
+  const auto drive = [&](int from, int to, double z, double step, bool is_new_map) {
     for (int i = from; i < to; ++i) {
-      const bool starts = i == from && from > 0 && step > 0;
-      pose = trajectory.append(frameAt(i, straight(z + step * (i - from)),
-                                       starts ? Continuity::kNewMap : Continuity::kSameMap),
-                               scale);
+      pose =
+          trajectory.append(i, z + step * (i - from), scaleByHeight(),
+                            is_new_map && i == from ? Continuity::kNewMap : Continuity::kSameMap);
     }
-    return std::sqrt(pose->covariance(2, 2)) / pose->T_o_c.translation().z();
+    return sigmaAlongZ(*pose) / pose->T_o_c.translation().z();
   };
-  EXPECT_NEAR(drive(0, 101, 0, 0.5), 0.01, 1e-4);
-  EXPECT_NEAR(drive(101, 201, 0, 0.5), 0.01, 0.003);  // and the acceleration in the gap
-  const double far = std::sqrt(pose->covariance(2, 2));
-  drive(201, 300, 49, -0.4);
-  EXPECT_LT(std::sqrt(pose->covariance(2, 2)), 0.75 * far);
+  EXPECT_NEAR(drive(0, 101, 0, 0.5, false), 0.01, 1e-4);
+  EXPECT_NEAR(drive(101, 201, 0, 0.5, true), 0.01, 0.003);  // and the acceleration in the gap
+  const double far = sigmaAlongZ(*pose);
+  drive(201, 300, 49, -0.4, false);
+  EXPECT_LT(sigmaAlongZ(*pose), 0.75 * far);
 }
 
+// A rotation and a translation between the map's first frame and its first metric one.
 TEST(MetricTrajectory, TheFirstMotionAndItsErrorsAreInTheAxesOfTheFirstImage) {
   MetricTrajectory::Options options = exact();
   options.rotation_scale_sigma = 0.1;
   Trajectory trajectory(options);
-  VoFrame initialising = frameAt(0, straight(0));
-  initialising.status = VoStatus::kInitialising;
-  trajectory.append(initialising, {});
+  trajectory.appendInitialising(0);
   const Eigen::Matrix3d R_o_ref =
       Eigen::AngleAxisd(M_PI / 2, Eigen::Vector3d::UnitX()).toRotationMatrix();
   const Eigen::Isometry3d T_ref_c = straight(2) * Eigen::AngleAxisd(0.5, Eigen::Vector3d::UnitY());
@@ -257,75 +271,18 @@ TEST(MetricTrajectory, TheFirstMotionAndItsErrorsAreInTheAxesOfTheFirstImage) {
   EXPECT_NEAR((pose->covariance - expected).norm(), 0, 1e-12);
 }
 
-/// Monte Carlo simulation of the error model of MetricTrajectory on a spatial curve: a camera that
-/// in each frame moves by kStep [m] and turns by turn() [rad], both in its own axes.
-class SimulatedErrors {
- public:
-  SimulatedErrors(const MetricTrajectory::Options& options, double relative_scale_sigma,
-                  const Matrix6d& pose_covariance)
-      : options_(options),
-        scale_sigma_(relative_scale_sigma),
-        pose_root_(Matrix6d(pose_covariance.llt().matrixL())) {}
-
-  static Eigen::Isometry3d step(int i) {
-    Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
-    T.linear() = rotation(turn(i));
-    T.translation() = kStep;
-    return T;
-  }
-
-  /// Error of the last pose: position, then rotation as a left perturbation, in o axes.
-  Vector6d run(int steps) {
-    Eigen::Isometry3d exact = Eigen::Isometry3d::Identity(), estimate = exact;
-    const double length = kStep.norm();
-    double scale_error = scale_sigma_ * noise(),
-           angle_error = options_.rotation_scale_sigma * noise();
-    for (int i = 0; i < steps; ++i) {
-      const double share = std::exp(-length / options_.scale_correlation_m);
-      const Eigen::Vector3d across = kStep.cross(noise3()) * options_.direction_sigma;
-      estimate.translation() += estimate.linear() * ((1 + scale_error) * kStep + across);
-      estimate.linear() = estimate.linear() * rotation((1 + angle_error) * turn(i));
-      exact = exact * step(i);
-      const Vector6d random_walk =
-          std::sqrt(length / 2) * pose_root_ * (Vector6d() << noise3(), noise3()).finished();
-      estimate.translation() += exact.linear() * random_walk.head<3>();
-      const Eigen::Vector3d turned =
-          exact.linear() * random_walk.tail<3>() +
-          options_.rotation_sigma_per_sqrt_m * std::sqrt(length) * noise3();
-      estimate.linear() = rotation(turned) * estimate.linear();
-      if (length * (i + 1) >= options_.young_map_heights) {  // of a camera at a height of 1 m
-        scale_error = share * scale_error + std::sqrt(1 - share * share) * scale_sigma_ * noise();
-      }
-      angle_error = share * angle_error +
-                    std::sqrt(1 - share * share) * options_.rotation_scale_sigma * noise();
-    }
-    Vector6d error;
-    error << estimate.translation() - exact.translation(),
-        rotationVector(estimate.linear() * exact.linear().transpose());
-    return error;
-  }
-
- private:
-  static Eigen::Vector3d turn(int i) {
-    return i % 20 < 10 ? Eigen::Vector3d(0.02, 0.05, -0.03) : Eigen::Vector3d(-0.06, 0, 0.04);
-  }
-  static Eigen::Matrix3d rotation(const Eigen::Vector3d& w) {
-    return Eigen::AngleAxisd(w.norm(), w.normalized()).toRotationMatrix();
-  }
-  double noise() { return normal_(random_); }
-  Eigen::Vector3d noise3() { return {noise(), noise(), noise()}; }
-
-  inline static const Eigen::Vector3d kStep{0.3, -0.2, 1};
-  MetricTrajectory::Options options_;
-  double scale_sigma_;
-  Matrix6d pose_root_;
-  std::mt19937 random_{7};
-  std::normal_distribution<double> normal_;
-};
+// A spatial curve: in each frame the camera moves by kStep [m] and turns [rad], both in its own
+// axes.
+const Eigen::Vector3d kStep(0.3, -0.2, 1);
+Eigen::Matrix3d turnBy(double factor, int i) {
+  const Eigen::Vector3d turn =
+      i % 20 < 10 ? Eigen::Vector3d(0.02, 0.05, -0.03) : Eigen::Vector3d(-0.06, 0, 0.04);
+  return exponentialMap(factor * turn, {0, 0, 0}).linear();
+}
 
 class TrajectoryCovariance : public testing::TestWithParam<double> {};
 
-// The parameter is young_map_heights.
+// Monte Carlo simulation of the error model. The parameter is young_map_heights.
 TEST_P(TrajectoryCovariance, FitsSimulatedErrors) {
   constexpr int kSteps = 40, kRuns = 4000;
   constexpr double kScale = 2, kScaleSigma = 0.02;
@@ -340,15 +297,40 @@ TEST_P(TrajectoryCovariance, FitsSimulatedErrors) {
   Eigen::Isometry3d T = Eigen::Isometry3d(Eigen::AngleAxisd(1, Eigen::Vector3d(1, 2, 2) / 3));
   for (int i = 0; i <= kSteps; ++i) {
     pose = trajectory.append(withCovariance(frameAt(i, T)), scaleOf(kScale, kScaleSigma));
-    Eigen::Isometry3d step = SimulatedErrors::step(i);
-    step.translation() /= kScale;
-    T = T * step;
+    T.translate(kStep / kScale).rotate(turnBy(1, i));
   }
-  SimulatedErrors errors(options, kScaleSigma,
-                         withScaledPosition(withCovariance(frameAt(0, T)).pose_covariance, kScale));
+  std::mt19937 random(7);
+  std::normal_distribution<double> normal;
+  const auto noise = [&] { return normal(random); };
+  const auto noise3 = [&] { return Eigen::Vector3d(noise(), noise(), noise()); };
+  const double length = kStep.norm(), share = std::exp(-length / options.scale_correlation_m);
+  const auto drift = [&](double* error, double sigma) {
+    *error = share * *error + std::sqrt(1 - share * share) * sigma * noise();
+  };
+  const Matrix6d pose_root =
+      withScaledPosition(withCovariance({}).pose_covariance, kScale).llt().matrixL();
   Matrix6d sample = Matrix6d::Zero();
   for (int run = 0; run < kRuns; ++run) {
-    const Vector6d error = errors.run(kSteps);
+    Eigen::Isometry3d exact = Eigen::Isometry3d::Identity(), estimate = exact;
+    double scale_error = kScaleSigma * noise(), turn_error = options.rotation_scale_sigma * noise();
+    for (int i = 0; i < kSteps; ++i) {
+      const Eigen::Vector3d across = kStep.cross(noise3()) * options.direction_sigma;
+      estimate.translate((1 + scale_error) * kStep + across).rotate(turnBy(1 + turn_error, i));
+      exact.translate(kStep).rotate(turnBy(1, i));
+      const Vector6d walk =
+          std::sqrt(length / 2) * pose_root * (Vector6d() << noise3(), noise3()).finished();
+      estimate.translation() += exact.linear() * walk.head<3>();
+      const Eigen::Vector3d turned =
+          exact.linear() * walk.tail<3>() +
+          options.rotation_sigma_per_sqrt_m * std::sqrt(length) * noise3();
+      estimate.linear() = exponentialMap(turned, {0, 0, 0}).linear() * estimate.linear();
+      // The camera height is 1 m.
+      if (length * (i + 1) >= options.young_map_heights) drift(&scale_error, kScaleSigma);
+      drift(&turn_error, options.rotation_scale_sigma);
+    }
+    Vector6d error;  // position, then rotation as a left perturbation, in o axes
+    error << estimate.translation() - exact.translation(),
+        rotationVector(estimate.linear() * exact.linear().transpose());
     sample += error * error.transpose() / kRuns;
   }
   // The sample relative to the covariance: the identity, up to 1 / sqrt(kRuns) in each element.
@@ -361,58 +343,52 @@ TEST_P(TrajectoryCovariance, FitsSimulatedErrors) {
 
 INSTANTIATE_TEST_SUITE_P(YoungMap, TrajectoryCovariance, testing::Values(0, 20, 1000));
 
-/// Covariance of the twist over 0.1 s, in a curve with errors of one kind and white noise, and that
-/// twist.
-std::pair<Matrix6d, Vector6d> twistCovariance(double MetricTrajectory::Options::*error,
-                                              double value, double relative_scale_sigma = 0,
-                                              bool has_covariance = false) {
+/// Pose with the twist over 0.1 s, in a curve with errors of one kind and white noise.
+MetricPose poseWith(double MetricTrajectory::Options::*error, double value,
+                    double relative_scale_sigma = 0, bool has_covariance = false) {
   MetricTrajectory::Options options = exact();
   if (error != nullptr) options.*error = value;
   Trajectory trajectory(options);
   const auto frame = [&](int i) {
     return has_covariance ? withCovariance(frameAt(i, onCircle(i))) : frameAt(i, onCircle(i));
   };
-  ScaleEstimate scale = scaleOf(2);
-  trajectory.append(frame(0), scale);
-  scale.sigma = relative_scale_sigma * scale.scale;
-  const auto pose = trajectory.append(frame(1), scale);
-  return {pose->twist_covariance, pose->twist_c};
+  trajectory.append(frame(0), scaleOf(2));
+  return *trajectory.append(frame(1), scaleOf(2, relative_scale_sigma));
 }
 
 TEST(MetricTrajectory, TheTwistIsInCameraAxesAndContainsEachError) {
   using Options = MetricTrajectory::Options;
-  const Matrix6d white = twistCovariance(nullptr, 0).first;
+  const MetricPose without = poseWith(nullptr, 0);
+  const Matrix6d& white = without.twist_covariance;
   EXPECT_NEAR(white(0, 0), 2 * std::pow(0.002 / 0.1, 2), 1e-9);  // of two positions
   EXPECT_NEAR(white(3, 3), 2 * std::pow(0.00015 / 0.1, 2), 1e-9);
-  const auto expectCovariance = [&](const std::pair<Matrix6d, Vector6d>& actual,
-                                    const Eigen::Matrix3d& linear, const Eigen::Matrix3d& angular) {
+  const auto expectCovariance = [&](const MetricPose& actual, const Eigen::Matrix3d& linear,
+                                    const Eigen::Matrix3d& angular) {
     Matrix6d expected = white;
     expected.topLeftCorner<3, 3>() += linear;
     expected.bottomRightCorner<3, 3>() += angular;
-    EXPECT_NEAR((actual.first - expected).norm(), 0, 1e-9);
+    EXPECT_NEAR((actual.twist_covariance - expected).norm(), 0, 1e-9);
   };
   const Eigen::Matrix3d I = Eigen::Matrix3d::Identity(), zero = Eigen::Matrix3d::Zero();
-  const Vector6d twist = twistCovariance(nullptr, 0).second;
   // 1 m in 0.1 s along the previous z axis, while the camera turned by 0.02 rad: on an arc from
   // that axis the camera would move to its right.
   const Eigen::Vector3d v(-0.1, 0, 0.1 / std::tan(0.01)), w(0, 0.2, 0);
-  EXPECT_NEAR((twist - (Vector6d() << v, w).finished()).norm(), 0, 1e-9);
+  EXPECT_NEAR((without.twist_c - (Vector6d() << v, w).finished()).norm(), 0, 1e-9);
   const Eigen::Matrix3d along = v * v.transpose();
-  expectCovariance(twistCovariance(nullptr, 0, 0.05), 0.0025 * along, zero);
-  expectCovariance(twistCovariance(&Options::direction_sigma, 0.02),
+  expectCovariance(poseWith(nullptr, 0, 0.05), 0.0025 * along, zero);
+  expectCovariance(poseWith(&Options::direction_sigma, 0.02),
                    0.0004 * (v.squaredNorm() * I - along), zero);
-  expectCovariance(twistCovariance(&Options::rotation_scale_sigma, 0.1), zero,
-                   0.01 * w * w.transpose());
+  expectCovariance(poseWith(&Options::rotation_scale_sigma, 0.1), zero, 0.01 * w * w.transpose());
   // Over 1 m and 0.1 s. The walk is the sum of errors that are correlated over 10 m; the errors of
   // two poses that are 1 m apart differ by half the covariance of one.
   const double length = 0.1 * v.norm();
-  expectCovariance(twistCovariance(&Options::rotation_sigma_per_sqrt_m, 0.001), zero,
+  expectCovariance(poseWith(&Options::rotation_sigma_per_sqrt_m, 0.001), zero,
                    1e-6 * length * (length / 20) / 0.01 * I);
   const Matrix6d poses =
       white +
       length / 2 * withScaledPosition(withCovariance(frameAt(0, {})).pose_covariance, 2) / 0.01;
   EXPECT_GT(std::sqrt(poses(4, 4)), 1e-3);
-  const Matrix6d with_poses = twistCovariance(nullptr, 0, 0, true).first;
+  const Matrix6d with_poses = poseWith(nullptr, 0, 0, true).twist_covariance;
   EXPECT_NEAR((with_poses - poses).norm(), 0, 1e-6 * poses.norm());
 }
 
@@ -431,9 +407,7 @@ TEST(MetricTrajectory, TheTwistOnAnArcHasNoLateralSlip) {
 /// 10 m/s for 1 s in map 0, up to frame 10; the pose of frame 10.
 MetricPose drive(Trajectory* trajectory) {
   std::optional<MetricPose> pose;
-  for (int i = 0; i <= 10; ++i) {
-    pose = trajectory->append(frameAt(i, straight(0.5 * i)), scaleOf(2, 0.02));
-  }
+  for (int i = 0; i <= 10; ++i) pose = trajectory->append(i, 0.5 * i, scaleOf(2, 0.02));
   return *pose;
 }
 
@@ -441,13 +415,11 @@ MetricPose drive(Trajectory* trajectory) {
 TEST(MetricTrajectory, ALaterMapContinuesWithAnIndependentScaleError) {
   Trajectory trajectory(exact());
   const MetricPose last = drive(&trajectory);
-  VoFrame initialising = frameAt(11, straight(0), Continuity::kNewMap);
-  initialising.status = VoStatus::kInitialising;
-  trajectory.append(initialising, {});
-  const auto first = trajectory.append(frameAt(12, straight(30)), scaleOf(2, 0));
+  trajectory.appendInitialising(11, Continuity::kNewMap);
+  const auto first = trajectory.append(12, 30, scaleOf(2));
   EXPECT_NEAR(first->T_o_c.translation().z() - last.T_o_c.translation().z(), 2, 1e-9);
   EXPECT_NEAR(first->distance - last.distance, 2, 1e-9);  // 0.2 s at 10 m/s
-  const auto later = trajectory.append(frameAt(13, straight(35)), scaleOf(2, 0));
+  const auto later = trajectory.append(13, 35, scaleOf(2));
   EXPECT_NEAR(later->covariance(2, 2), first->covariance(2, 2), 1e-12);
 }
 
@@ -456,22 +428,19 @@ TEST(MetricTrajectory, ASecondGapIsTurnedByTheRotationErrorOfTheFirst) {
   MetricTrajectory::Options options = exact();
   options.bridge_acceleration_sigma = 0;
   Trajectory trajectory(options);
-  for (std::uint32_t map = 0; map < 3; ++map) {
-    for (const int i : {0, 10}) {
-      VoFrame frame = frameAt(20 * static_cast<int>(map) + i, straight(i),
-                              i == 0 ? Continuity::kNewMap : Continuity::kSameMap);
-      frame.map_start = {frameAt(20 * static_cast<int>(map), {}).stamp_ns,
-                         Eigen::Matrix3d::Identity(), map == 1 ? 0.1 : 0};
-      const auto pose = trajectory.append(frame, scaleOf(1));
-      ASSERT_TRUE(pose);
-      if (map < 2 || i > 0) continue;
-      // 5 m for half of the error, then 10 m of the map and the second gap of 10 m.
-      EXPECT_NEAR(pose->T_o_c.translation().z(), 40, 1e-9);
-      EXPECT_NEAR(pose->covariance(0, 4), 0.01 * (5 + 20), 1e-9);
-      EXPECT_NEAR(pose->covariance(1, 3), -0.01 * (5 + 20), 1e-9);
-      EXPECT_NEAR(pose->covariance(0, 0), 0.01 * 25 * 25, 1e-3);
-    }
+  std::optional<MetricPose> pose;
+  for (const int start : {0, 20, 40}) {
+    VoFrame frame = frameAt(start, straight(0), Continuity::kNewMap);
+    frame.map_start = {frame.stamp_ns, Eigen::Matrix3d::Identity(), start == 20 ? 0.1 : 0};
+    pose = trajectory.append(frame, scaleOf(1));
+    if (start < 40) trajectory.append(start + 10, 10, scaleOf(1));
   }
+  ASSERT_TRUE(pose);
+  // 5 m for half of the error, then 10 m of the map and the second gap of 10 m.
+  EXPECT_NEAR(pose->T_o_c.translation().z(), 40, 1e-9);
+  EXPECT_NEAR(pose->covariance(0, 4), 0.01 * (5 + 20), 1e-9);
+  EXPECT_NEAR(pose->covariance(1, 3), -0.01 * (5 + 20), 1e-9);
+  EXPECT_NEAR(pose->covariance(0, 0), 0.01 * 25 * 25, 1e-3);
 }
 
 /// Variance along the path after 1 m at 10 m/s, a gap, and 1 m in a later map, for which a velocity
@@ -481,8 +450,8 @@ double varianceAfterGap(double acceleration_sigma, double gap_s, bool has_veloci
   MetricTrajectory::Options options = exact();
   options.bridge_acceleration_sigma = acceleration_sigma;
   Trajectory trajectory(options);
-  trajectory.append(frameAt(0, straight(0)), scaleOf(2, relative_sigma_before));
-  trajectory.append(frameAt(1, straight(0.5)), scaleOf(2, relative_sigma_before));
+  trajectory.append(0, 0, scaleOf(2, relative_sigma_before));
+  trajectory.append(1, 0.5, scaleOf(2, relative_sigma_before));
   const int start = 1 + static_cast<int>(10 * gap_s);
   VoFrame frame = frameAt(has_velocity_after ? start + 1 : start, straight(1), Continuity::kNewMap);
   frame.map_start = {frameAt(start, {}).stamp_ns, Eigen::Matrix3d::Identity(), 0};
@@ -542,9 +511,8 @@ TEST(MetricTrajectory, AGapAfterImagesInPairsIsBridgedWithTheirMeanVelocity) {
     const auto pose = trajectory.append(next, scaleOf(2, 0.02));
     const double gap = pose->T_o_c.translation().z() - last.T_o_c.translation().z();
     EXPECT_NEAR(gap, 27, 0.3) << count;
-    const double sigma = std::sqrt(pose->covariance(2, 2));
-    EXPECT_GT(sigma, 5);  // an acceleration of 2 m/s^2 for 3 s
-    EXPECT_LT(sigma, 15);
+    EXPECT_GT(sigmaAlongZ(*pose), 5);  // an acceleration of 2 m/s^2 for 3 s
+    EXPECT_LT(sigmaAlongZ(*pose), 15);
   }
 }
 
@@ -552,11 +520,10 @@ TEST(MetricTrajectory, AGapAfterImagesInPairsIsBridgedWithTheirMeanVelocity) {
 // second one the camera turns to the right by 90 degrees, so its motion is along its -x axis.
 TEST(MetricTrajectory, TheMeanVelocityOfAGapIsInTheAxesOfTheCameraBeforeIt) {
   Trajectory trajectory;
-  VoFrame frame = frameAt(0, straight(0));
-  trajectory.append(frame, scaleOf(2));
-  frame = frameAt(2, straight(1));
-  trajectory.append(frame, scaleOf(2));
-  frame.T_w_c = straight(1.25) * Eigen::AngleAxisd(M_PI / 2, Eigen::Vector3d::UnitY());
+  trajectory.append(0, 0, scaleOf(2));
+  trajectory.append(2, 1, scaleOf(2));
+  VoFrame frame =
+      frameAt(2, straight(1.25) * Eigen::AngleAxisd(M_PI / 2, Eigen::Vector3d::UnitY()));
   frame.stamp_ns += 50000000;
   const auto last = trajectory.append(frame, scaleOf(2));
   VoFrame next = frameAt(0, straight(0), Continuity::kNewMap);
@@ -578,7 +545,7 @@ TEST(MetricTrajectory, UnknownRotationsBetweenMapsInOtherAxesAddUp) {
   frame = frameAt(21, axes);
   frame.T_w_c.rotate(turn);
   EXPECT_FALSE(trajectory.append(frame, {}).has_value());
-  const auto pose = trajectory.append(frameAt(41, straight(0), Continuity::kNewMap), scaleOf(2));
+  const auto pose = trajectory.append(41, 0, scaleOf(2), Continuity::kNewMap);
   EXPECT_NEAR((pose->T_o_c.linear() - turn).norm(), 0, 1e-9);
   EXPECT_NEAR(pose->covariance(4, 4), 0.1 * 0.1 + 0.2 * 0.2, 1e-9);
 }
@@ -586,14 +553,13 @@ TEST(MetricTrajectory, UnknownRotationsBetweenMapsInOtherAxesAddUp) {
 // A camera that repeats one image looks like a standstill until the next new image.
 TEST(MetricTrajectory, AStandstillThatEndsInANewMapCountsAsUnobserved) {
   Trajectory trajectory(exact());
-  trajectory.append(frameAt(0, straight(0)), scaleOf(2, 0.02));
-  const auto last = trajectory.append(frameAt(1, straight(1)), scaleOf(2, 0.02));
+  trajectory.append(0, 0, scaleOf(2, 0.02));
+  const auto last = trajectory.append(1, 1, scaleOf(2, 0.02));
   ScaleEstimate standstill = scaleOf(2, 0.02);
   standstill.status = ScaleStatus::kHeld;
   standstill.measurement = MeasurementStatus::kStandstill;
-  for (int i = 2; i <= 21; ++i) trajectory.append(frameAt(i, straight(1)), standstill);
-  const auto first =
-      trajectory.append(frameAt(31, straight(0.7), Continuity::kNewMap), scaleOf(9, 0.02));
+  for (int i = 2; i <= 21; ++i) trajectory.append(i, 1, standstill);
+  const auto first = trajectory.append(31, 0.7, scaleOf(9, 0.02), Continuity::kNewMap);
   // 5 m/s and 0.1 rad/s for the 3 s since the last motion
   EXPECT_NEAR(first->covariance(0, 0) - last->covariance(0, 0), 15 * 15, 1e-9);
   EXPECT_NEAR(first->covariance(4, 4) - last->covariance(4, 4), 0.3 * 0.3, 1e-9);

@@ -64,8 +64,7 @@ function(gsv_add_unit_test target sources)
   endif()
 endfunction()
 
-find_package(Ceres REQUIRED)  # an independent solver for the test of the bundle adjustment
-gsv_add_unit_tests(vo ${PROJECT_NAME}_simulation ${CERES_LIBRARIES} opencv_video)
+gsv_add_unit_tests(vo ${PROJECT_NAME}_simulation opencv_video)
 foreach(module common input lens)
   gsv_add_unit_tests(${module} ${PROJECT_NAME}_core)
 endforeach()

@@ -4,7 +4,6 @@
 
 #include <Eigen/Dense>
 #include <cmath>
-#include <cstdint>
 #include <random>
 #include <vector>
 
@@ -14,62 +13,70 @@
 namespace gsv {
 namespace {
 
-TEST(DriveSmoother, IsEmptyUnlessTheDriveIsRecorded) {
-  ScaleRecovery recovery(recoveryOptions());
+TEST(DriveSmoother, IsEmptyUnlessTheDriveIsRecordedAndRefusesAMovingAverage) {
+  ScaleRecovery::Options options = recoveryOptions();
+  ScaleRecovery recovery(options);
   recovery.process(RoadScene().frame(0));
   EXPECT_TRUE(recovery.smoothed().empty());
-}
-
-TEST(DriveSmoother, AMovingAverageIsRefused) {
-  ScaleRecovery::Options options = recoveryOptions();
   options.record = true;
   options.filter.moving_average_frames = 10;
   EXPECT_THROW(ScaleRecovery(options).smoothed(), OptionError);
 }
 
-/// As the scale filter sees it: heights with a given error.
+/// A drive as the scale filter sees it: heights with a given error.
 struct Filtered {
-  ScaleFilter filter{{}, {1.65, 0, 0}};
+  ScaleFilter filter;
   DriveSmoother smoother;
+  SpeedTrack speeds{0.05};
+  VoFrame frame;
+  double sensor_speed = 0;    ///< [m/s] 0: no sensor
+  double filtered_speed = 0;  ///< that the filter uses [m per 0.1 s]; 0: none
   std::vector<double> scales, sigmas;
-  std::uint32_t frames = 0;
 
-  /// A frame after `step` [VO units]; height: measured, 0: none.
-  void add(double step, double height, double sigma = 0.02, double angle = 0,
-           Continuity continuity = Continuity::kSameMap) {
-    if (continuity >= Continuity::kNewMap) {
-      filter.startMap();
-      smoother.startMap();
-      at = 0;
-    }
-    filter.predict(step, angle, 0.003);
-    if (height > 0) filter.update(height, sigma * height, 3 * height);
-    smoother.addStep(filter);
-    VoFrame frame;
-    frame.sequence = frames++;
-    frame.stamp_ns = 100'000'000ll * frame.sequence;
+  explicit Filtered(double camera_height = 1.65) : filter({}, {camera_height, 0, 0}) {
     frame.status = VoStatus::kTracking;
-    frame.continuity = continuity;
-    frame.T_w_c.translation().z() = at += step;
+    startMap();
+  }
+  void startMap() {
+    filter.startMap();
+    smoother.startMap();
+    frame.continuity = frame.stamp_ns > 0 ? Continuity::kNewMap : Continuity::kSameMap;
+    frame.map_start.stamp_ns = 0;
+    frame.T_w_c.translation().z() = -1;  // the first frame is at the origin
+  }
+  /// A frame after a step of 1 VO unit and some tenths of a second; height: measured, 0: none.
+  void add(double height, double sigma = 0.02, int tenths = 1) {
+    for (int i = 0; i < tenths; ++i) {
+      frame.stamp_ns += 100'000'000;
+      if (sensor_speed == 0) continue;
+      smoother.addSpeed({frame.stamp_ns, sensor_speed, 0.05});
+      speeds.add({frame.stamp_ns, sensor_speed, 0.05});
+    }
+    if (frame.map_start.stamp_ns == 0) frame.map_start.stamp_ns = frame.stamp_ns;
+    frame.T_w_c.translation().z() += 1;
+    filter.predict(1, 0, 0.003);
+    if (height > 0) filter.update(height, sigma * height, 3 * height);
+    if (filtered_speed > 0) filter.updateSpeed(filtered_speed, 0.02);
+    smoother.addStep(filter);
     ScaleEstimate scale;
     scale.status = filter.known() ? ScaleStatus::kOk : ScaleStatus::kUnknown;
     scale.scale = filter.scale();
     scale.sigma = filter.scaleSigma();
-    smoother.addFrame(frame, continuity, scale, SpeedTrack(0));
+    smoother.addFrame(frame, frame.continuity, scale, speeds);
+    frame.continuity = Continuity::kSameMap;
     scales.push_back(filter.scale());
     sigmas.push_back(filter.scaleSigma());
   }
   std::vector<ScaleRecovery::Smoothed> smoothed() const {
     return smoother.smoothed(recoveryOptions());
   }
-  double at = 0;
 };
 
 TEST(DriveSmoother, ALaterMeasurementCorrectsEarlierFramesAndTheLastOneIsTheFilters) {
   Filtered drive;
   std::mt19937 random(1);
   std::normal_distribution<double> noise(0, 0.03);
-  for (int i = 0; i < 200; ++i) drive.add(1, std::exp(noise(random)), 0.03);
+  for (int i = 0; i < 200; ++i) drive.add(std::exp(noise(random)), 0.03);
   const auto smoothed = drive.smoothed();
   ASSERT_EQ(smoothed.size(), 200u);
   double filtered_squares = 0, smoothed_squares = 0;
@@ -90,39 +97,33 @@ TEST(DriveSmoother, ALaterMeasurementCorrectsEarlierFramesAndTheLastOneIsTheFilt
 // The first metres of a map have no scale of their own.
 TEST(DriveSmoother, EveryTrackedFrameOfAMapWithAMeasurementHasAPose) {
   Filtered drive;
-  for (int i = 0; i < 20; ++i) drive.add(1, 0);
-  for (int i = 0; i < 20; ++i) drive.add(1, 1);
+  for (int i = 0; i < 40; ++i) drive.add(i < 20 ? 0 : 1);
   ASSERT_EQ(drive.scales[19], 0);
-  for (int i = 0; i < 20; ++i)
-    drive.add(1, 0, 0, 0, i ? Continuity::kSameMap : Continuity::kNewMap);
+  drive.startMap();
+  for (int i = 0; i < 20; ++i) drive.add(0);
   const auto smoothed = drive.smoothed();
-  for (std::size_t i = 0; i < 40; ++i) {
-    ASSERT_TRUE(smoothed[i].pose) << i;
-    EXPECT_NEAR(smoothed[i].scale.scale, 1.65, 0.02) << i;
-    EXPECT_EQ(smoothed[i].scale.status, i < 20 ? ScaleStatus::kHeld : ScaleStatus::kOk) << i;
+  for (std::size_t i = 0; i < 60; ++i) {
+    ASSERT_EQ(smoothed[i].pose.has_value(), i < 40) << i;
+    EXPECT_EQ(smoothed[i].scale.status, i < 20   ? ScaleStatus::kHeld
+                                        : i < 40 ? ScaleStatus::kOk
+                                                 : ScaleStatus::kUnknown)
+        << i;
+    EXPECT_NEAR(smoothed[i].scale.scale, i < 40 ? 1.65 : 0, 0.02) << i;
   }
   EXPECT_NEAR(smoothed[39].pose->distance - smoothed[0].pose->distance, 1.65 * 39, 0.6);
-  for (std::size_t i = 40; i < 60; ++i) {
-    EXPECT_FALSE(smoothed[i].pose) << i;
-    EXPECT_EQ(smoothed[i].scale.status, ScaleStatus::kUnknown) << i;
-  }
 }
 
 // Where the filter restarts, its measurements had contradicted it before.
 TEST(DriveSmoother, AContradictedHeightIsNotUsedFromTheFirstContradictionOn) {
   Filtered drive;
-  for (int i = 0; i < 30; ++i) drive.add(1, 1);
-  int restart = 30;
-  while (drive.scales.back() < 1.8) {
-    drive.add(1, 0.8);
-    ++restart;
-  }
-  ASSERT_GT(restart, 34);
-  for (int i = 0; i < 30; ++i) drive.add(1, 0.8);
+  for (int i = 0; i < 30; ++i) drive.add(1);
+  while (drive.scales.back() < 1.8) drive.add(0.8);
+  ASSERT_GT(drive.scales.size(), 34u);
+  for (int i = 0; i < 30; ++i) drive.add(0.8);
   const auto smoothed = drive.smoothed();
   EXPECT_NEAR(smoothed[29].scale.scale, 1.65, 0.03);
-  for (int i = 30; i < restart + 30; ++i) {
-    EXPECT_NEAR(smoothed[static_cast<std::size_t>(i)].scale.scale, 1.65 / 0.8, 0.04) << i;
+  for (std::size_t i = 30; i < smoothed.size(); ++i) {
+    EXPECT_NEAR(smoothed[i].scale.scale, 1.65 / 0.8, 0.04) << i;
   }
 }
 
@@ -177,28 +178,13 @@ TEST(DriveSmoother, StatesAreTheLeastSquaresSolution) {
 
 // Speeds in the second map alone teach the camera height, with which the first one gets its scale.
 TEST(DriveSmoother, ALearnedCameraHeightHoldsForEarlierMaps) {
-  ScaleFilter filter({}, {0, 0, 0});
-  DriveSmoother smoother;
-  VoFrame frame;
-  frame.status = VoStatus::kTracking;
-  const auto add = [&](bool has_speed) {
-    frame.stamp_ns += 100'000'000;
-    frame.T_w_c.translation().z() += 1;
-    filter.predict(1, 0, 0.003);
-    filter.update(1, 0.02, 3);
-    if (has_speed) filter.updateSpeed(1.4, 0.02);
-    smoother.addStep(filter);
-    smoother.addFrame(frame, frame.continuity, {}, SpeedTrack(0));
-    frame.continuity = Continuity::kSameMap;
-  };
-  for (int i = 0; i < 30; ++i) add(false);
-  EXPECT_FALSE(filter.known());
-  filter.startMap();
-  smoother.startMap();
-  frame.continuity = Continuity::kNewMap;
-  frame.T_w_c.translation().z() = 0;
-  for (int i = 0; i < 60; ++i) add(true);
-  const auto smoothed = smoother.smoothed(recoveryOptions());
+  Filtered drive(0);
+  for (int i = 0; i < 30; ++i) drive.add(1);
+  EXPECT_FALSE(drive.filter.known());
+  drive.startMap();
+  drive.filtered_speed = 1.4;
+  for (int i = 0; i < 60; ++i) drive.add(1);
+  const auto smoothed = drive.smoothed();
   EXPECT_NEAR(smoothed[5].scale.camera_height, 1.4, 0.02);
   EXPECT_NEAR(smoothed[5].scale.scale, 1.4, 0.03);
   EXPECT_TRUE(smoothed[5].pose);
@@ -206,36 +192,14 @@ TEST(DriveSmoother, ALearnedCameraHeightHoldsForEarlierMaps) {
 
 // 3 s without images, in which the odometry's speed before would be 14 m/s.
 TEST(DriveSmoother, SpeedsThatAgreeBridgeAGapBetweenMaps) {
-  ScaleFilter filter({}, {1.4, 0, 0});
-  DriveSmoother smoother;
-  SpeedTrack speeds(0.05);
-  speeds.setAgrees(true);
-  VoFrame frame;
-  frame.status = VoStatus::kTracking;
-  const auto add = [&](double seconds) {
-    for (int i = 0; i < 10 * seconds; ++i) {
-      frame.stamp_ns += 100'000'000;
-      smoother.addSpeed({frame.stamp_ns, 10, 0.05});
-      speeds.add({frame.stamp_ns, 10, 0.05});
-    }
-    frame.T_w_c.translation().z() += 1;
-    frame.map_start.stamp_ns =
-        frame.map_start.stamp_ns == 0 ? frame.stamp_ns : frame.map_start.stamp_ns;
-    filter.predict(1, 0, 0.003);
-    filter.update(1, 0.02, 3);
-    smoother.addStep(filter);
-    smoother.addFrame(frame, frame.continuity, {}, speeds);
-    frame.continuity = Continuity::kSameMap;
-  };
-  for (int i = 0; i < 30; ++i) add(0.1);
-  filter.startMap();
-  smoother.startMap();
-  frame.continuity = Continuity::kNewMap;
-  frame.T_w_c.translation().z() = -1;
-  frame.map_start.stamp_ns = 0;
-  add(3);
-  for (int i = 0; i < 30; ++i) add(0.1);
-  const auto smoothed = smoother.smoothed(recoveryOptions());
+  Filtered drive(1.4);
+  drive.speeds.setAgrees(true);
+  drive.sensor_speed = 10;
+  for (int i = 0; i < 30; ++i) drive.add(1);
+  drive.startMap();
+  drive.add(1, 0.02, 30);
+  for (int i = 0; i < 30; ++i) drive.add(1);
+  const auto smoothed = drive.smoothed();
   ASSERT_TRUE(smoothed[29].pose && smoothed[30].pose);
   EXPECT_NEAR(
       (smoothed[30].pose->T_o_c.translation() - smoothed[29].pose->T_o_c.translation()).norm(), 30,

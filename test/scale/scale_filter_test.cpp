@@ -11,14 +11,34 @@ namespace {
 
 constexpr double kRoadDistance = 5;  ///< of the measured road [VO units]
 
-/// A filter with a given camera height.
+/// A filter with a given camera height, which sees road at one distance.
 struct Filter : ScaleFilter {
   explicit Filter(const Options& options = {}) : ScaleFilter(options, {1, 0, 0}) {}
   void predict(double distance, double angle, double k1_sigma = 0.02) {
     ScaleFilter::predict(distance, angle, k1_sigma);
   }
+  bool measure(double height, double sigma, Source source = Source::kFeatureBased) {
+    return update(height, sigma, kRoadDistance, source);
+  }
+  /// Drives `frames` steps of 0.5 VO units with the same measured height. Returns how many
+  /// measurements it used.
+  int drive(int frames, double height, double sigma, Source source = Source::kFeatureBased) {
+    int used = 0;
+    for (int i = 0; i < frames; ++i) {
+      predict(0.5, 0);
+      used += measure(height, sigma, source);
+    }
+    return used;
+  }
   double sigma() const { return known() ? scaleSigma() * height() / scale() : 0; }  ///< of height()
 };
+
+/// At a height of 0.8, after a hundred measurements.
+Filter convergedFilter() {
+  Filter filter;
+  filter.drive(100, 0.8, 0.02);
+  return filter;
+}
 
 /// Without NIS scaling: the variance follows from the options alone.
 ScaleFilter::Options withoutNisScaling() {
@@ -27,41 +47,29 @@ ScaleFilter::Options withoutNisScaling() {
   return options;
 }
 
-/// Drives `frames` steps of 0.5 VO units with the same measured height. Returns how many
-/// measurements the filter used.
-int drive(Filter* filter, int frames, double height, double sigma,
-          ScaleFilter::Source source = ScaleFilter::Source::kFeatureBased) {
-  int used = 0;
-  for (int i = 0; i < frames; ++i) {
-    filter->predict(0.5, 0);
-    used += filter->update(height, sigma, kRoadDistance, source);
-  }
-  return used;
-}
-
 TEST(ScaleFilter, AWrongStartOrRestartIsReplacedSoon) {
   Filter filter;
   filter.predict(1, 0);
-  EXPECT_TRUE(filter.update(2, 0.02, kRoadDistance));
-  EXPECT_GT(drive(&filter, 4, 0.8, 0.02), 0);
+  EXPECT_TRUE(filter.measure(2, 0.02));
+  EXPECT_GT(filter.drive(4, 0.8, 0.02), 0);
   EXPECT_NEAR(filter.height(), 0.8, 1e-9);
   EXPECT_GT(filter.sigma(), 0.05 * 0.8);
-  drive(&filter, 100, 0.8, 0.02);
-  while (filter.height() < 1) drive(&filter, 1, 1.2, 0.02);
-  drive(&filter, 1, 1.2, 0.02);
-  drive(&filter, 5, 0.8, 0.02);  // two camera heights
+  filter.drive(100, 0.8, 0.02);
+  while (filter.height() < 1) filter.drive(1, 1.2, 0.02);
+  filter.drive(1, 1.2, 0.02);
+  filter.drive(5, 0.8, 0.02);  // two camera heights
   EXPECT_NEAR(filter.height(), 0.8, 0.01);
 }
 
 // The unit of the map changes in a turn with a radius of 7 m; the camera is 1.65 m above the road.
 TEST(ScaleFilter, AcceptsConsistentMeasurementsWithinThreeMetresOfATurn) {
   Filter filter;
-  drive(&filter, 100, 1, 0.02);
+  filter.drive(100, 1, 0.02);
   constexpr double kHeight = 0.8, kMetre = kHeight / 1.65, kStep = 0.3;
   double driven = 0;  // [m]
   while (driven < 6 && std::abs(filter.height() - kHeight) > 0.02) {
     filter.predict(kStep * kMetre, kStep / 7);
-    filter.update(kHeight, 0.01, kRoadDistance);
+    filter.measure(kHeight, 0.01);
     driven += kStep;
   }
   EXPECT_LE(driven, 3 + kStep);
@@ -103,14 +111,14 @@ TEST(ScaleFilter, SigmaOfAYoungMapFitsRandomTilts) {
 
 TEST(ScaleFilter, DoesNotDependOnTheFrameRate) {
   Filter slow, fast;
-  drive(&slow, 8, 0.8, 0.03);
-  drive(&fast, 8, 0.8, 0.03);
+  slow.drive(8, 0.8, 0.03);
+  fast.drive(8, 0.8, 0.03);
   for (int i = 0; i < 10; ++i) {
     slow.predict(0.5, 0);
-    slow.update(0.84, 0.03, kRoadDistance);
+    slow.measure(0.84, 0.03);
     for (int k = 0; k < 10; ++k) {
       fast.predict(0.05, 0);
-      fast.update(0.84, 0.03, kRoadDistance);
+      fast.measure(0.84, 0.03);
     }
   }
   EXPECT_NEAR(slow.height(), fast.height(), 0.002);
@@ -138,36 +146,31 @@ TEST(ScaleFilter, IsTheSameInAnyUnit) {
 }
 
 TEST(ScaleFilter, SingleOutliersAreRejectedAndAPersistentChangeRestarts) {
-  Filter filter;
-  drive(&filter, 100, 0.8, 0.02);
+  Filter filter = convergedFilter();
   filter.predict(0.5, 0);
-  EXPECT_FALSE(filter.update(1.2, 0.02, kRoadDistance));
+  EXPECT_FALSE(filter.measure(1.2, 0.02));
   EXPECT_NEAR(filter.height(), 0.8, 1e-6);
-  EXPECT_EQ(drive(&filter, 5, 0.8, 0.02), 5);
+  EXPECT_EQ(filter.drive(5, 0.8, 0.02), 5);
   // Five VO units are about 4 camera heights of 1.2; a restart needs 12.
-  EXPECT_EQ(drive(&filter, 10, 1.2, 0.02), 0);
+  EXPECT_EQ(filter.drive(10, 1.2, 0.02), 0);
   EXPECT_NEAR(filter.height(), 0.8, 1e-6);
-  EXPECT_GT(drive(&filter, 40, 1.2, 0.02), 0);
+  EXPECT_GT(filter.drive(40, 1.2, 0.02), 0);
   EXPECT_NEAR(filter.height(), 1.2, 0.01);
 }
 
 // The restart has the median of the latest measurements and the sigma of a new map. Outliers before
 // them do not delay it.
 TEST(ScaleFilter, ARestartIsLikeTheStartOfANewMap) {
-  const ScaleFilter::Options options;
-  Filter filter(options);
-  drive(&filter, 100, 0.8, 0.02);
-  for (const double outlier : {0.4, 2.0}) drive(&filter, 1, outlier, 0.02);
-  const auto measure = [&](double height) {
+  Filter filter = convergedFilter();
+  for (const double outlier : {0.4, 2.0}) filter.drive(1, outlier, 0.02);
+  for (const double height : {1.2, 1.2, 1.2, 1.32}) {
     filter.predict(6, 0);
-    return filter.update(height, 0.02, kRoadDistance);
-  };
-  for (int i = 0; i < 3; ++i) EXPECT_FALSE(measure(1.2));
-  EXPECT_TRUE(measure(1.32));
+    EXPECT_EQ(filter.measure(height, 0.02), height > 1.3);
+  }
   EXPECT_NEAR(filter.height(), 1.2, 1e-9);
-  Filter new_map(options);
+  Filter new_map;
   new_map.predict(1, 0);
-  ASSERT_TRUE(new_map.update(1.2, 0.02, kRoadDistance));
+  ASSERT_TRUE(new_map.measure(1.2, 0.02));
   EXPECT_NEAR(filter.sigma(), new_map.sigma(), 0.2 * new_map.sigma());
 }
 
@@ -179,9 +182,9 @@ TEST(ScaleFilter, TheGateIsInStandardDeviationsOfTheInnovation) {
   for (const double sign : {-1.0, 1.0}) {
     Filter filter(options);
     filter.predict(1, 0);
-    filter.update(0.8, 0, kRoadDistance);
-    EXPECT_FALSE(filter.update(0.8 * std::exp(1.02 * sign * gate), 0, kRoadDistance));
-    EXPECT_TRUE(filter.update(0.8 * std::exp(0.98 * sign * gate), 0, kRoadDistance));
+    filter.measure(0.8, 0);
+    EXPECT_FALSE(filter.measure(0.8 * std::exp(1.02 * sign * gate), 0));
+    EXPECT_TRUE(filter.measure(0.8 * std::exp(0.98 * sign * gate), 0));
   }
 }
 
@@ -192,35 +195,46 @@ TEST(ScaleFilter, OutliersAmongOtherMeasurementsOrThatDisagreeDoNotRestart) {
   for (const auto& [outlier, other] : {std::pair(Source::kFeatureBased, Source::kFeatureBased),
                                        std::pair(Source::kDirect, Source::kFeatureBased),
                                        std::pair(Source::kDirect, Source::kDirect)}) {
-    Filter filter;
-    drive(&filter, 100, 0.8, 0.02);
+    Filter filter = convergedFilter();
     for (int i = 0; i < 30; ++i) {
-      EXPECT_EQ(drive(&filter, 1, 1.2, 0.02, outlier), 0);
-      EXPECT_EQ(drive(&filter, 2, 0.8, 0.02, other), 2);
+      EXPECT_EQ(filter.drive(1, 1.2, 0.02, outlier), 0);
+      EXPECT_EQ(filter.drive(2, 0.8, 0.02, other), 2);
     }
     EXPECT_NEAR(filter.height(), 0.8, 1e-6);
   }
   for (const double other : {0.4, 2.0}) {
-    Filter filter;
-    drive(&filter, 100, 0.8, 0.02);
+    Filter filter = convergedFilter();
     for (int i = 0; i < 30; ++i) {
-      drive(&filter, 1, 1.2, 0.02);
-      drive(&filter, 1, other, 0.02);
+      filter.drive(1, 1.2, 0.02);
+      filter.drive(1, other, 0.02);
     }
     EXPECT_NEAR(filter.height(), 0.8, 1e-6) << other;
   }
+}
+
+TEST(ScaleFilter, IgnoresInvalidMeasurements) {
+  Filter filter = convergedFilter();
+  for (const double bad : {std::nan(""), HUGE_VAL, -HUGE_VAL, -1.0, 0.0}) {
+    EXPECT_FALSE(filter.measure(bad, 0.02)) << bad;
+    if (bad == 0) continue;
+    EXPECT_FALSE(filter.measure(0.8, bad)) << bad;
+    EXPECT_FALSE(filter.update(0.8, 0.02, bad)) << bad;
+  }
+  EXPECT_NEAR(filter.height(), 0.8, 1e-9);
+  EXPECT_TRUE(std::isfinite(filter.scaleSigma()));
+  EXPECT_TRUE(filter.measure(0.8, 0.02));
 }
 
 TEST(ScaleFilter, TheMovingAverageIsOverTheScaleNotTheHeight) {
   ScaleFilter::Options options;
   options.moving_average_frames = 2;
   Filter filter(options);
-  filter.update(1.0, 0.1, kRoadDistance);
+  filter.measure(1.0, 0.1);
   EXPECT_DOUBLE_EQ(filter.height(), 1.0);
   EXPECT_NEAR(filter.sigma(), std::hypot(0.1, 0.015), 1e-12);
-  filter.update(0.5, 0.1, kRoadDistance);
+  filter.measure(0.5, 0.1);
   EXPECT_NEAR(1 / filter.height(), 1.5, 1e-12);
-  filter.update(0.5, 0.1, kRoadDistance);
+  filter.measure(0.5, 0.1);
   EXPECT_NEAR(1 / filter.height(), 2.0, 1e-12);
 }
 
@@ -242,22 +256,19 @@ TEST(ScaleFilter, ALearnedCameraHeightOutlastsTheMap) {
   EXPECT_NEAR(filter.scale(), 0.5, 0.02);
 }
 
-TEST(ScaleFilter, ATurnAddsLessNoiseWithAKnownLens) {
+// The points of a map that turns before it has a scale are less accurate, too.
+TEST(ScaleFilter, ATurnAddsNoiseAndLessWithAKnownLens) {
   const auto sigmaAfterTurn = [](double k1_sigma) {
     Filter filter(withoutNisScaling());
-    drive(&filter, 100, 0.8, 0.01);
+    filter.drive(100, 0.8, 0.01);
     filter.predict(0, 1.5, k1_sigma);
     return filter.sigma();
   };
   EXPECT_LT(sigmaAfterTurn(0.003), 0.6 * sigmaAfterTurn(0.02));
-}
-
-// The points of a map that turns before it has a scale are less accurate.
-TEST(ScaleFilter, AStartInATurnIsLessAccurate) {
   const auto sigmaAtStart = [](double angle) {
     Filter filter;
     filter.predict(1, angle);
-    EXPECT_TRUE(filter.update(0.8, 0.01, kRoadDistance));
+    EXPECT_TRUE(filter.measure(0.8, 0.01));
     return filter.sigma();
   };
   EXPECT_GT(sigmaAtStart(0.15), 2 * sigmaAtStart(0));
@@ -273,35 +284,33 @@ Filter driveBesideAPavement(int frames, int last_direct) {
     filter.update(0.97 * 0.8, 0.01, kRoadDistance, ScaleFilter::Source::kFeatureBased,
                   is_beside_lane);
     if (i % 10 != 9 || i > last_direct) continue;
-    EXPECT_TRUE(filter.update(0.8, 0.01, kRoadDistance, ScaleFilter::Source::kDirect));
+    EXPECT_TRUE(filter.measure(0.8, 0.01, ScaleFilter::Source::kDirect));
   }
   return filter;
 }
 
-TEST(ScaleFilter, DirectMeasurementsTeachHowMuchHigherTheGroundBesideTheLaneIs) {
+// With points beside the lane alone, the height is uncertain.
+TEST(ScaleFilter, DirectMeasurementsGiveTheHeightOfTheGroundBesideTheLane) {
   EXPECT_NEAR(driveBesideAPavement(200, 200).height(), 0.8, 0.005 * 0.8);
-  // For a while without direct measurements, the height that they have taught is used.
+  // For a while without direct measurements, the height that they have given is used.
   EXPECT_NEAR(driveBesideAPavement(210, 200).height(), 0.8, 0.01 * 0.8);
-}
-
-TEST(ScaleFilter, WithPointsBesideTheLaneAloneTheHeightIsUncertain) {
   const Filter beside = driveBesideAPavement(200, 0);
   EXPECT_NEAR(beside.height(), 0.97 * 0.8, 0.005 * 0.8);
   EXPECT_GT(beside.sigma(), 0.015 * 0.8);
   Filter lane(withoutNisScaling());
-  drive(&lane, 200, 0.8, 0.01);
+  lane.drive(200, 0.8, 0.01);
   EXPECT_LT(lane.sigma(), 0.8 * beside.sigma());
 }
 
+// A direct measurement at a wrong peak repeats the state.
 TEST(ScaleFilter, DirectMeasurementsAtAWrongPeakDoNotPreventARestart) {
   for (const double wrong : {0.4, 1.6}) {
     Filter filter;
-    drive(&filter, 20, wrong, 0.01, ScaleFilter::Source::kDirect);
+    filter.drive(20, wrong, 0.01, ScaleFilter::Source::kDirect);
     ASSERT_NEAR(filter.height(), wrong, 0.01);
     for (int i = 0; i < 40; ++i) {
-      drive(&filter, 1, 0.8, 0.01);
-      // The direct measurement repeats the state.
-      filter.update(filter.height(), 0.01, kRoadDistance, ScaleFilter::Source::kDirect);
+      filter.drive(1, 0.8, 0.01);
+      filter.measure(filter.height(), 0.01, ScaleFilter::Source::kDirect);
     }
     EXPECT_NEAR(filter.height(), 0.8, 0.01);
   }
@@ -310,8 +319,8 @@ TEST(ScaleFilter, DirectMeasurementsAtAWrongPeakDoNotPreventARestart) {
 TEST(ScaleFilter, BiasedPointsDoNotRestartWhileDirectMeasurementsAgree) {
   Filter filter;
   for (int i = 0; i < 200; ++i) {
-    drive(&filter, 1, i < 50 ? 0.8 : 0.72, 0.001);
-    filter.update(0.8, 0.001, kRoadDistance, ScaleFilter::Source::kDirect);
+    filter.drive(1, i < 50 ? 0.8 : 0.72, 0.001);
+    filter.measure(0.8, 0.001, ScaleFilter::Source::kDirect);
   }
   EXPECT_NEAR(filter.height(), 0.8, 0.01);
 }
@@ -324,8 +333,8 @@ TEST(ScaleFilter, SigmaIsScaledByTheNis) {
     Filter filter, reference(withoutNisScaling());
     for (int i = 0; i < 1000; ++i) {
       const double height = 0.8 * std::exp(i % 2 == 0 ? error : -error);
-      drive(&filter, 1, height, 0);
-      drive(&reference, 1, height, 0);
+      filter.drive(1, height, 0);
+      reference.drive(1, height, 0);
     }
     EXPECT_EQ(filter.height(), reference.height());
     return std::pow(filter.sigma() / reference.sigma(), 2);

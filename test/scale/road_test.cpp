@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "ground_scale_vo/common/se3.hpp"
 #include "scale/camera_path.hpp"
 #include "support/road_scene.hpp"
 
@@ -15,6 +16,33 @@ constexpr double kCameraHeight = 2;  // [VO units]
 constexpr double kRadius = 8;        // of the bend [camera heights]: 13 m at 1.65 m
 constexpr double kChord = 3;         // [camera heights]
 constexpr double kHalfWidth = 1;     // [camera heights]
+
+TEST(CameraPath, TheTurnOfAChordIsInTheAxesOfItsEnd) {
+  CameraPath path;
+  Eigen::Isometry3d T_w_c(Eigen::AngleAxisd(1, Eigen::Vector3d::UnitX()));
+  for (int i = 0; i < 10; ++i) {  // 1 VO unit ahead and a yaw of 0.1 rad, in camera axes
+    path.add({0, T_w_c});
+    T_w_c.translation() += T_w_c.linear().col(2);
+    T_w_c.rotate(Eigen::AngleAxisd(0.1, Eigen::Vector3d::UnitY()));
+  }
+  EXPECT_NEAR((path.chord(3.5)->turn_c - Eigen::Vector3d(0, 0.4, 0)).norm(), 0, 1e-12);
+  EXPECT_NEAR((rotationVector(path.lastMotion().linear()) - Eigen::Vector3d(0, -0.1, 0)).norm(), 0,
+              1e-12);
+}
+
+TEST(CameraPath, TheNearestCameraIsAtMostTheGivenLengthBack) {
+  CameraPath path;
+  for (int i = 0; i < 10; ++i) {
+    path.add({0, Eigen::Isometry3d(Eigen::Translation3d(0, 0, i))});
+  }
+  const auto nearest = [&](double z, double max_length) {
+    return path.nearest({0, 1, z}, max_length).T_w_c.translation().z();
+  };
+  EXPECT_EQ(nearest(20, 5), 9);
+  EXPECT_EQ(nearest(6.2, 5), 6);
+  EXPECT_EQ(nearest(2, 5), 4);
+  EXPECT_EQ(nearest(2, 0), 9);
+}
 
 /// Viewing ray of a level camera to a point on the road [camera heights].
 Eigen::Vector3d rayTo(double left, double ahead) {
@@ -83,25 +111,23 @@ TEST(LaneRegion, OffsetIsZeroWhileThePathIsVisible) {
   EXPECT_EQ(visibleRegionOffset(sky, levelPrior(0)), 0);
 }
 
-/// Drives `heights` camera heights in steps of `step` [VO units], from the position *at [VO units]
-/// on.
-void drive(Mounting* mounting, const RoadScene& scene, double heights, double step, double* at) {
+/// Drives `heights` camera heights in steps of `step` [VO units].
+void drive(Mounting* mounting, double pitch, double roll, double heights, double step = 0.4) {
+  RoadScene scene;
+  scene.pitch = pitch;
+  scene.roll = roll;
   CameraPath path;
   const GroundPlane plane{scene.normal(), scene.height};
-  for (double driven = 0; driven < heights * scene.height; driven += step) {
-    path.add({0, scene.frameAt(0, *at += step).T_w_c});
+  for (double at = step; at < heights * scene.height + step; at += step) {
+    path.add({0, scene.frameAt(0, at).T_w_c});
     mounting->update(mounting->prior(path, scene.height), &plane, step, scene.height);
   }
 }
 
 TEST(Mounting, DoesNotDependOnTheFrameRate) {
-  RoadScene scene;
-  scene.pitch = 0.05;
-  scene.roll = 0.04;
   Mounting slow({}), fast({});
-  double at_slow = 0, at_fast = 0;
-  drive(&slow, scene, 12, 0.4, &at_slow);
-  drive(&fast, scene, 12, 0.04, &at_fast);
+  drive(&slow, 0.05, 0.04, 12);
+  drive(&fast, 0.05, 0.04, 12, 0.04);
   EXPECT_GT(std::abs(slow.roll() - 0.04), 1e-4);  // not converged yet
   EXPECT_NEAR(fast.roll(), slow.roll(), 0.2 * std::abs(slow.roll() - 0.04));
   EXPECT_NEAR(fast.sigma(), slow.sigma(), 0.1 * slow.sigma());
@@ -109,12 +135,8 @@ TEST(Mounting, DoesNotDependOnTheFrameRate) {
 
 TEST(Mounting, FollowsAChangeAfterTheForgettingDistance) {
   Mounting mounting({});
-  RoadScene scene;
-  double at = 0;
-  scene.pitch = scene.roll = 0;
-  drive(&mounting, scene, 400, 0.4, &at);
-  scene.pitch = scene.roll = 0.02;
-  drive(&mounting, scene, 1000, 0.4, &at);  // 5 times the distance
+  drive(&mounting, 0, 0, 400);
+  drive(&mounting, 0.02, 0.02, 1000);  // 5 times the distance
   EXPECT_NEAR(mounting.pitch(), 0.02, 0.002);
   EXPECT_NEAR(mounting.roll(), 0.02, 0.002);
 }
@@ -125,47 +147,39 @@ TEST(Mounting, PitchAndRollAreLimitedTogether) {
   for (const double pitch : {0.0, 0.3}) {
     for (const double roll : {-0.3, 0.3}) {
       Mounting mounting(options);
-      RoadScene scene;
-      scene.pitch = pitch;
-      scene.roll = roll;
-      double at = 0;
-      drive(&mounting, scene, 400, 0.4, &at);
+      drive(&mounting, pitch, roll, 400);
       EXPECT_NEAR(mounting.pitch(), std::min(pitch, 0.1), 0.01);
       EXPECT_NEAR(mounting.roll(), std::copysign(0.1, roll), 1e-9);
     }
   }
 }
 
-/// A camera that looks to the left by yaw [rad] moves forward; the plane's tilt along the path is
-/// not used.
-class MountingYaw : public testing::TestWithParam<double> {};
-
-TEST_P(MountingYaw, IsEstimatedInAnyViewingDirection) {
+// A camera that looks to the left by yaw moves forward; the plane's tilt along the path is not
+// used.
+TEST(Mounting, IsEstimatedInAnyViewingDirection) {
   constexpr double kPitch = 0.15, kRoll = -0.12;
   const Eigen::Vector3d n_c(-std::sin(kRoll), -std::cos(kRoll) * std::cos(kPitch),
                             -std::cos(kRoll) * std::sin(kPitch));
-  const Eigen::Vector3d view(std::sin(GetParam()), 0, std::cos(GetParam()));
-  const Eigen::Vector3d ahead = (view - n_c.dot(view) * n_c).normalized();
-  CameraPath path;
-  Mounting mounting({});
-  const GroundPlane plane{Eigen::AngleAxisd(0.1, n_c.cross(ahead)) * n_c, 1};
-  for (int i = 0; i < 50; ++i) {
-    Eigen::Isometry3d T_w_c = Eigen::Isometry3d::Identity();
-    T_w_c.translation() = 0.5 * i * ahead;
-    path.add({0, T_w_c});
-    mounting.update(mounting.prior(path, 1), &plane, 0.5, 1);
+  for (const double yaw : {0.0, 0.25 * M_PI, 0.5 * M_PI, -0.5 * M_PI, M_PI}) {
+    SCOPED_TRACE(yaw);
+    const Eigen::Vector3d view(std::sin(yaw), 0, std::cos(yaw));
+    const Eigen::Vector3d ahead = (view - n_c.dot(view) * n_c).normalized();
+    CameraPath path;
+    Mounting mounting({});
+    const GroundPlane plane{Eigen::AngleAxisd(0.1, n_c.cross(ahead)) * n_c, 1};
+    for (int i = 0; i < 50; ++i) {
+      path.add({0, Eigen::Isometry3d(Eigen::Translation3d(0.5 * i * ahead))});
+      mounting.update(mounting.prior(path, 1), &plane, 0.5, 1);
+    }
+    EXPECT_NEAR(mounting.pitch(), kPitch, 3e-3);
+    EXPECT_NEAR(mounting.roll(), kRoll, 3e-3);
+    const RoadPrior prior = mounting.prior(path, 1);
+    EXPECT_LT((prior.n_c - n_c).norm(), 3e-3);
+    EXPECT_LT((prior.forward_c - ahead).norm(), 3e-3);
+    EXPECT_LT(prior.pitch_sigma, 0.01);
+    EXPECT_LT(prior.roll_sigma, 0.015);
   }
-  EXPECT_NEAR(mounting.pitch(), kPitch, 3e-3);
-  EXPECT_NEAR(mounting.roll(), kRoll, 3e-3);
-  const RoadPrior prior = mounting.prior(path, 1);
-  EXPECT_LT((prior.n_c - n_c).norm(), 3e-3);
-  EXPECT_LT((prior.forward_c - ahead).norm(), 3e-3);
-  EXPECT_LT(prior.pitch_sigma, 0.01);
-  EXPECT_LT(prior.roll_sigma, 0.015);
 }
-
-INSTANTIATE_TEST_SUITE_P(Directions, MountingYaw,
-                         testing::Values(0.0, 0.25 * M_PI, 0.5 * M_PI, -0.5 * M_PI, M_PI));
 
 TEST(Mounting, SteepAndNoMotionDoNotUpdate) {
   Mounting mounting({});
@@ -179,8 +193,7 @@ TEST(Mounting, SteepAndNoMotionDoNotUpdate) {
   EXPECT_EQ(mounting.pitch(), 0);
   EXPECT_EQ(mounting.roll(), 0);
   const double initial_sigma = mounting.sigma();
-  double at = 0;
-  drive(&mounting, RoadScene(), 40, 0.4, &at);
+  drive(&mounting, 0.02, 0, 40);
   EXPECT_NE(mounting.pitch(), 0);
   EXPECT_LT(mounting.sigma(), 0.5 * initial_sigma);
 }

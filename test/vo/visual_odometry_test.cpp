@@ -398,8 +398,6 @@ TEST(VisualOdometry, AJumpToAnotherPlaceStartsANewMap) {
   result.expectTracked(back, images.size(), 1);
 }
 
-// At one place of a straight road, the camera turns to the left by 11 degrees from image to image.
-// Soon no map point is in the view, so there is no pose; but each image matches the one before it.
 TEST(VisualOdometry, AZoomStartsANewMapAndIsMeasured) {
   constexpr std::size_t kFirst = 25, kBack = 40, kImages = 55;
   const PinholeCamera camera = sharedDrive().camera();
@@ -419,6 +417,8 @@ TEST(VisualOdometry, AZoomStartsANewMapAndIsMeasured) {
   }
 }
 
+// At one place of a straight road, the camera turns to the left by 11 degrees from image to image.
+// Soon no map point is in the view, so there is no pose; but each image matches the one before it.
 TEST(VisualOdometry, ATurnOverLostImagesIsKnown) {
   constexpr double kYaw = 0.2;  // of one turn
   constexpr std::size_t kPlace = 15, kFrames = 32;

@@ -8,8 +8,6 @@
 
 #include "ground_scale_vo/common/math.hpp"
 #include "ground_scale_vo/scale/scale_recovery.hpp"
-#include "scale/metric_trajectory.hpp"
-#include "scale/scale_filter.hpp"
 #include "support/road_image.hpp"
 
 namespace gsv {
@@ -97,54 +95,6 @@ TEST(DegenerateRoad, ASceneWithoutRoadHasNoScale) {
   run("points above the camera", [](std::size_t, auto& f) { f.p_c.y() = -f.p_c.y(); });
   run("only one feature has a point", [](std::size_t k, auto& f) { f.has_point = k == 0; });
   run("depth sigma of 1e9", [](std::size_t, auto& f) { f.depth_sigma = 1e9f; });
-}
-
-TEST(DegenerateFilter, IgnoresInvalidMeasurements) {
-  ScaleFilter filter({}, {1.65, 0, 0});
-  for (int i = 0; i < 20; ++i) {
-    filter.predict(1, 0, 0.02);
-    filter.update(0.7, 0.02, 4);
-  }
-  ASSERT_TRUE(filter.known());
-  for (const double height : {kNotANumber, kInf, -kInf, 0.0, -1.0}) {
-    EXPECT_FALSE(filter.update(height, 0.02, 4)) << height;
-  }
-  for (const double bad : {kNotANumber, kInf, -1.0}) {
-    EXPECT_FALSE(filter.update(0.7, bad, 4)) << bad;
-    EXPECT_FALSE(filter.update(0.7, 0.02, bad)) << bad;
-  }
-  EXPECT_NEAR(filter.height(), 0.7, 1e-9);
-  EXPECT_TRUE(isFinite(filter.scaleSigma()));
-  EXPECT_TRUE(filter.update(0.7, 0.02, 4));
-}
-
-TEST(DegenerateTrajectory, SkipsIncrementsThatAreNotFinite) {
-  MetricTrajectory trajectory({});
-  ScaleEstimate scale;
-  scale.status = ScaleStatus::kOk;
-  scale.scale = 2;
-  scale.sigma = 0.02;
-  VoFrame frame;
-  frame.status = VoStatus::kTracking;
-  frame.T_w_c.translation().z() = 1;
-  ASSERT_TRUE(trajectory.append(frame, Continuity::kSameMap, scale));
-  for (const double number : {kNotANumber, kInf, 1e300}) {
-    VoFrame bad = frame;
-    bad.stamp_ns = 50000000;
-    bad.T_w_c.translation().x() = number;
-    EXPECT_FALSE(trajectory.append(bad, Continuity::kSameMap, scale)) << number;
-    ScaleEstimate bad_scale = scale;
-    bad_scale.sigma = number;
-    bad.T_w_c = frame.T_w_c;
-    bad.T_w_c.translation().z() = 1.5;
-    EXPECT_FALSE(trajectory.append(bad, Continuity::kSameMap, bad_scale)) << number;
-  }
-  frame.T_w_c.translation().z() = 2;
-  frame.stamp_ns = 100000000;
-  const auto pose = trajectory.append(frame, Continuity::kSameMap, scale);
-  ASSERT_TRUE(pose);
-  EXPECT_DOUBLE_EQ(pose->T_o_c.translation().z(), 2);  // from the first frame seen
-  EXPECT_TRUE(isFinite(pose->covariance));
 }
 
 }  // namespace

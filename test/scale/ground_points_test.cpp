@@ -34,19 +34,15 @@ RoadScene roadAhead() {
 TEST(GroundPointExtraction, TolerancesFollowTheUncertaintyOfThePrior) {
   RoadScene scene = roadAhead();
   scene.pitch = 0;
-  const RoadPrior level = movingPrior(scene, 0.13);
+  RoadPrior uncertain = movingPrior(scene, 0.13), certain = uncertain;
+  certain.roll_sigma = 0.01;
   for (const double roll : {-0.26, 0.26}) {
     scene.roll = roll;
-    const auto extractWith = [&](double roll_sigma) {
-      RoadPrior prior = level;
-      prior.roll_sigma = roll_sigma;
-      return extract(scene.frame(0), prior);
-    };
-    const auto uncertain = extractWith(0.13);
-    ASSERT_EQ(uncertain.status, MeasurementStatus::kMeasured) << roll;
-    EXPECT_NEAR(uncertain.plane.height, 0.7, 1e-3) << roll;
-    EXPECT_NEAR((uncertain.plane.n_c - scene.normal()).norm(), 0, 1e-3) << roll;
-    EXPECT_NE(extractWith(0.01).status, MeasurementStatus::kMeasured) << roll;
+    const auto result = extract(scene.frame(0), uncertain);
+    ASSERT_EQ(result.status, MeasurementStatus::kMeasured) << roll;
+    EXPECT_NEAR(result.plane.height, 0.7, 1e-3) << roll;
+    EXPECT_NEAR((result.plane.n_c - scene.normal()).norm(), 0, 1e-3) << roll;
+    EXPECT_NE(extract(scene.frame(0), certain).status, MeasurementStatus::kMeasured) << roll;
   }
 }
 
@@ -136,11 +132,9 @@ TEST(GroundPointExtraction, MotionTestRequiresNormalsPerpendicularToTheMotion) {
     RoadPrior climbing = movingPrior(scene);
     climbing.chord->direction_c =
         Eigen::AngleAxisd(angle, Eigen::Vector3d::UnitX()) * climbing.forward_c;
-    const auto result = extract(scene.frame(0), climbing);
-    EXPECT_EQ(result.ground_triangles, 0) << angle;
+    EXPECT_EQ(extract(scene.frame(0), climbing).ground_triangles, 0) << angle;
   }
-  const auto without = extract(scene.frame(0), priorOf(scene));
-  EXPECT_EQ(without.status, MeasurementStatus::kMeasured);
+  EXPECT_EQ(extract(scene.frame(0), priorOf(scene)).status, MeasurementStatus::kMeasured);
 }
 
 TEST(GroundPointExtraction, FramePitchTestReplacesTheTestOfTheTriangles) {
@@ -162,34 +156,20 @@ TEST(GroundPointExtraction, FramePitchTestReplacesTheTestOfTheTriangles) {
 
 constexpr double kPlaneHeight = 0.8;  // [VO units]
 
-/// Ground points ahead of a level camera: ids first .. first + n - 1.
-std::vector<GroundPoint> pointsAhead(int n, std::uint64_t first) {
-  std::vector<GroundPoint> points;
-  for (int i = 0; i < n; ++i) {
-    const double z = 2 + 0.37 * (i % 11);
-    points.push_back({first + static_cast<std::uint64_t>(i),
-                      {0.1 * (i % 7) - 0.3, kPlaneHeight, z},
-                      Eigen::Vector3d::Zero(),
-                      z,
-                      0.01 * z});
-  }
-  return points;
-}
-
-/// Pose after a distance of z along the optical axis [VO units].
-Eigen::Isometry3d poseAt(double z) {
-  Eigen::Isometry3d T_w_c = Eigen::Isometry3d::Identity();
-  T_w_c.rotate(
-      Eigen::AngleAxisd(0.8, Eigen::Vector3d::UnitY()));  // world axes differ from the camera's
-  T_w_c.translation() = T_w_c.linear() * Eigen::Vector3d(0, 0, z);
-  return T_w_c;
-}
-
-/// Appends a camera with ground points.
-void add(CameraPath* path, double z, std::vector<GroundPoint> points) {
-  CameraPath::Pose& pose = path->add({0, poseAt(z)});
+/// Appends a level camera after a distance of z along the optical axis [VO units], with n ground
+/// points ahead of it. World axes differ from the camera's.
+void add(CameraPath* path, double z, int n) {
+  const Eigen::Isometry3d T_w_first(Eigen::AngleAxisd(0.8, Eigen::Vector3d::UnitY()));
+  CameraPath::Pose& pose = path->add({0, T_w_first * Eigen::Translation3d(0, 0, z)});
   pose.prior.pitch_sigma = pose.prior.roll_sigma = 0.02;
-  pose.ground_points = std::move(points);
+  for (int i = 0; i < n; ++i) {
+    const double depth = 2 + 0.37 * (i % 11);
+    pose.ground_points.push_back({static_cast<std::uint64_t>(1 + 1e6 * z + i),
+                                  {0.1 * (i % 7) - 0.3, kPlaneHeight, depth},
+                                  Eigen::Vector3d::Zero(),
+                                  depth,
+                                  0.01 * depth});
+  }
 }
 
 /// In the newest camera.
@@ -200,7 +180,7 @@ std::vector<GroundPoint> windowOf(const CameraPath& path,
 
 TEST(GroundPointAggregation, PointsAreMovedIntoTheNewestFrame) {
   CameraPath path;
-  for (unsigned i = 0; i < 4; ++i) add(&path, 0.5 * i, pointsAhead(15, 1 + 100u * i));
+  for (int i = 0; i < 4; ++i) add(&path, 0.5 * i, 15);
   const std::vector<GroundPoint> window = windowOf(path);
   EXPECT_EQ(window.size(), 60u);
   for (const GroundPoint& point : window) EXPECT_NEAR(point.p_c.y(), kPlaneHeight, 1e-9);
@@ -214,9 +194,9 @@ TEST(GroundPointAggregation, TheWindowIsBounded) {
   // Points in the window after ten frames, and the z of its oldest camera.
   const auto sizeOf = [](const GroundPointAggregationOptions& options, double step, int points) {
     CameraPath path;
-    for (unsigned i = 0; i < 10; ++i) {
-      add(&path, step * i, pointsAhead(points, 1 + 10000u * i));
-      path.add({0, poseAt(step * i)});  // without ground points it does not count
+    for (int i = 0; i < 10; ++i) {
+      add(&path, step * i, points);
+      add(&path, step * i, 0);  // without ground points it does not count
     }
     const auto window = windowOf(path, options);
     EXPECT_NEAR(window.front().origin_c.z(), 0, 1e-9);  // the newest

@@ -5,11 +5,11 @@
 #include <cmath>
 #include <cstdint>
 #include <functional>
-#include <memory>
 #include <optional>
 #include <vector>
 
 #include "ground_scale_vo/evaluation/run_record.hpp"
+#include "simulation/scenario_evaluation.hpp"
 #include "simulation/synthetic_drive.hpp"
 #include "support/drive_run.hpp"
 
@@ -27,90 +27,78 @@ struct ProcessedFrame {
   std::optional<MetricPose> pose;
 };
 
-class TimeFaults : public testing::Test {
- protected:
-  static void SetUpTestSuite() {
-    drive_ = std::make_unique<SyntheticDrive>(options(10, kFrames));
-    for (std::size_t i = 0; i < kFrames; ++i) images_.push_back(drive_->image(i));
-  }
-  static void TearDownTestSuite() {
-    drive_.reset();
-    images_.clear();
-  }
+SyntheticDrive::Options optionsWith(double rate_hz, std::size_t frames) {
+  SyntheticDrive::Options options = mediumImages();
+  options.frames = static_cast<int>(frames);
+  options.frame_rate_hz = rate_hz;
+  options.stop_s = 0;
+  return options;
+}
 
-  static SyntheticDrive::Options options(double rate_hz, std::size_t frames) {
-    SyntheticDrive::Options options = mediumImages();
-    options.frames = static_cast<int>(frames);
-    options.frame_rate_hz = rate_hz;
-    options.stop_s = 0;
-    return options;
-  }
-  static std::int64_t stampOf(std::size_t i) { return drive_->frame(i).stamp_ns; }
+/// The drive of all tests but one.
+const SyntheticDrive& drive() {
+  static const SyntheticDrive kDrive(optionsWith(10, kFrames));
+  return kDrive;
+}
+std::int64_t stampOf(std::size_t i) { return drive().frame(i).stamp_ns; }
 
-  /// Runs the pipeline over the images that are present, with these stamps [ns].
-  static std::vector<ProcessedFrame> run(
-      const std::function<bool(std::size_t)>& is_present,
-      const std::function<std::int64_t(std::size_t)>& stamp = stampOf) {
-    OfflineRun offline(drive_->camera(), optionsFor(drive_->cameraHeight()));
-    std::vector<ProcessedFrame> frames;
-    for (std::size_t i = 0; i < kFrames; ++i) {
-      if (!is_present(i)) continue;
-      const RunFrame& frame = offline.process(images_[i], stamp(i));
-      frames.push_back({i, frame.vo_status, frame.map_id, offline.last().scale.pose});
-      if (!frames.back().pose) continue;
-      const MetricPose& pose = *frames.back().pose;
-      EXPECT_TRUE(pose.T_o_c.matrix().allFinite() && pose.covariance.allFinite() &&
-                  pose.twist_c.allFinite() && pose.twist_covariance.allFinite())
-          << i;
-    }
-    return frames;
+/// Runs the pipeline over the images that are present, with these stamps [ns].
+std::vector<ProcessedFrame> run(const std::function<bool(std::size_t)>& is_present,
+                                const std::function<std::int64_t(std::size_t)>& stamp = stampOf) {
+  static const std::vector<cv::Mat> kImages = renderDrive(drive());
+  OfflineRun offline(drive().camera(), optionsFor(drive().cameraHeight()));
+  std::vector<ProcessedFrame> frames;
+  for (std::size_t i = 0; i < kFrames; ++i) {
+    if (!is_present(i)) continue;
+    const RunFrame& frame = offline.process(kImages[i], stamp(i));
+    frames.push_back({i, frame.vo_status, frame.map_id, offline.last().scale.pose});
+    if (!frames.back().pose) continue;
+    const MetricPose& pose = *frames.back().pose;
+    EXPECT_TRUE(pose.T_o_c.matrix().allFinite() && pose.covariance.allFinite() &&
+                pose.twist_c.allFinite() && pose.twist_covariance.allFinite())
+        << i;
   }
-  /// Without `missing` images from `gap` on.
-  static std::function<bool(std::size_t)> isPresentAround(std::size_t gap, std::size_t missing) {
-    return [=](std::size_t i) { return i < gap || i >= gap + missing; };
-  }
-  static std::vector<ProcessedFrame> runWithGap(std::size_t missing) {
-    return run(isPresentAround(kGap, missing));
-  }
-  static bool isAlwaysPresent(std::size_t) { return true; }
+  return frames;
+}
+/// Without `missing` images from `gap` on.
+std::function<bool(std::size_t)> isPresentAround(std::size_t gap, std::size_t missing) {
+  return [=](std::size_t i) { return i < gap || i >= gap + missing; };
+}
+std::vector<ProcessedFrame> runWithGap(std::size_t missing) {
+  return run(isPresentAround(kGap, missing));
+}
+bool isAlwaysPresent(std::size_t) { return true; }
 
-  /// Sums over the steps from each metric pose to the next one of the same map.
-  struct PathLengths {
-    double estimated = 0, ground_truth = 0;  ///< [m]
-    double relativeError() const { return std::abs(estimated / ground_truth - 1); }
-    double max_step_error = 0;  ///< [m]
-  };
-  static PathLengths pathLengths(const std::vector<ProcessedFrame>& frames) {
-    PathLengths lengths;
+double trueDistance(std::size_t a, std::size_t b) {
+  return distanceBetween(drive().frame(a).T_c0_c, drive().frame(b).T_c0_c);
+}
+
+/// Sums over the steps from each metric pose to the next one of the same map.
+struct PathLengths {
+  double estimated = 0, ground_truth = 0;  ///< [m]
+  double max_step_error = 0;               ///< [m]
+
+  explicit PathLengths(const std::vector<ProcessedFrame>& frames) {
     const ProcessedFrame* last = nullptr;
     for (const ProcessedFrame& now : frames) {
       if (!now.pose) continue;
       if (last != nullptr && last->map_id == now.map_id) {
         const double step = distanceBetween(last->pose->T_o_c, now.pose->T_o_c);
         const double true_step = trueDistance(last->index, now.index);
-        lengths.estimated += step;
-        lengths.ground_truth += true_step;
-        lengths.max_step_error = std::max(lengths.max_step_error, std::abs(step - true_step));
+        estimated += step;
+        ground_truth += true_step;
+        max_step_error = std::max(max_step_error, std::abs(step - true_step));
       }
       last = &now;
     }
-    return lengths;
   }
-  static double trueDistance(std::size_t a, std::size_t b) {
-    return distanceBetween(drive_->frame(a).T_c0_c, drive_->frame(b).T_c0_c);
-  }
-
-  static std::unique_ptr<SyntheticDrive> drive_;
-  static std::vector<cv::Mat> images_;
+  double relativeError() const { return std::abs(estimated / ground_truth - 1); }
 };
-
-std::unique_ptr<SyntheticDrive> TimeFaults::drive_;
-std::vector<cv::Mat> TimeFaults::images_;
 
 // Missing images (after ten of them, descriptor matching finds the features again), half the rate,
 // and images that arrive in pairs and are stamped on arrival: the velocity within a pair is far too
 // high, and must not enter the prediction of the next pose, also not over a gap.
-TEST_F(TimeFaults, KeepTheMapAndTheDistance) {
+TEST(TimeFaults, KeepTheMapAndTheDistance) {
   const auto inPairs = [](std::int64_t apart_ns) {
     return [=](std::size_t i) { return i % 2 == 1 ? stampOf(i - 1) + apart_ns : stampOf(i); };
   };
@@ -131,7 +119,7 @@ TEST_F(TimeFaults, KeepTheMapAndTheDistance) {
   for (const Case& c : kCases) {
     SCOPED_TRACE(c.name);
     for (const ProcessedFrame& frame : c.frames) EXPECT_EQ(frame.map_id, 0u);
-    const PathLengths lengths = pathLengths(c.frames);
+    const PathLengths lengths(c.frames);
     EXPECT_GT(lengths.ground_truth, 80);
     EXPECT_LT(lengths.relativeError(), 0.02);
     EXPECT_LT(lengths.max_step_error, c.max_step_error);
@@ -141,7 +129,7 @@ TEST_F(TimeFaults, KeepTheMapAndTheDistance) {
 // After the gap hardly any feature of the image before it is visible. The status reports this, and
 // the unobserved motion is bridged. All steps are accurate, also one to a pose that is found in the
 // old map.
-TEST_F(TimeFaults, LongGapsAreReportedWithoutFalseMotion) {
+TEST(TimeFaults, LongGapsAreReportedWithoutFalseMotion) {
   for (const std::size_t missing : {25u, 50u}) {
     SCOPED_TRACE(missing);
     const auto frames = runWithGap(missing);
@@ -163,15 +151,15 @@ TEST_F(TimeFaults, LongGapsAreReportedWithoutFalseMotion) {
     const double sigma = std::sqrt(new_pose.covariance.topLeftCorner<3, 3>().trace());
     EXPECT_NEAR(bridged, unobserved, std::min(2 * sigma, 0.3 * unobserved));
     EXPECT_NEAR(new_pose.twist_c.head<3>().norm(), 9, 1.5);
-    const PathLengths lengths = pathLengths(frames);
+    const PathLengths lengths(frames);
     EXPECT_GT(lengths.ground_truth, 30);
     EXPECT_LT(lengths.relativeError(), 0.03);
     EXPECT_LT(lengths.max_step_error, 0.05 * 0.9 * static_cast<double>(missing + 1));
   }
 }
 
-TEST_F(TimeFaults, ThirtyImagesPerSecondGiveTheSameDistanceAndSpeed) {
-  const SyntheticDrive fast(options(30, 90));
+TEST(TimeFaults, ThirtyImagesPerSecondGiveTheSameDistanceAndSpeed) {
+  const SyntheticDrive fast(optionsWith(30, 90));
   OfflineRun offline(fast.camera(), optionsFor(fast.cameraHeight()));
   Eigen::Isometry3d T_o_first = Eigen::Isometry3d::Identity(), T_c0_first = T_o_first;
   bool has_pose = false;
@@ -197,13 +185,13 @@ TEST_F(TimeFaults, ThirtyImagesPerSecondGiveTheSameDistanceAndSpeed) {
 
 // A bag that was paused while recording: the images continue where they stopped, the clock does
 // not.
-TEST_F(TimeFaults, APauseIsBridged) {
+TEST(TimeFaults, APauseIsBridged) {
   for (const std::int64_t pause_s : {20, 3600}) {
     SCOPED_TRACE(pause_s);
     const auto frames = run(isAlwaysPresent, [&](std::size_t i) {
       return stampOf(i) + (i >= kGap ? pause_s * 1000000000 : 0);
     });
-    const PathLengths lengths = pathLengths(frames);
+    const PathLengths lengths(frames);
     EXPECT_GT(lengths.ground_truth, 80);
     EXPECT_LT(lengths.relativeError(), 0.02);
     for (const ProcessedFrame& frame : frames) {

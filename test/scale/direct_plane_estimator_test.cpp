@@ -25,8 +25,8 @@ DirectPlaneEstimator::Options withLensSigma(double sigma) {
   return options;
 }
 
-/// Changes the image of a frame.
-using Change = std::function<void(std::uint32_t, cv::Mat*)>;
+/// Grey level at a point of the road, as in roadImage().
+using Texture = std::function<double(double, double)>;
 
 RoadScene nearRoad() {
   RoadScene scene;
@@ -35,14 +35,24 @@ RoadScene nearRoad() {
   return scene;
 }
 
-/// An estimator and the path of its camera.
+/// Images of frame 0, 1 ... of the scene.
+std::vector<cv::Mat> imagesOf(const RoadScene& scene, int frames,
+                              const Texture& texture = asphalt) {
+  std::vector<cv::Mat> images;
+  for (int i = 0; i < frames; ++i) images.push_back(roadImage(scene, scene.step * i, texture));
+  return images;
+}
+
+/// An estimator and the path of its camera in a scene.
 class Drive {
  public:
-  explicit Drive(const DirectPlaneEstimator::Options& options = {}) : estimator_(options) {}
+  explicit Drive(const RoadScene& scene, const DirectPlaneEstimator::Options& options = {})
+      : prior(priorOf(scene, kPriorSigma)),
+        predicted(scene.height),
+        scene_(scene),
+        estimator_(options) {}
 
-  /// predicted: height [VO units]; 0: none.
-  PlaneMeasurement next(const VoFrame& frame, const cv::Mat& image, const RoadPrior& prior,
-                        double predicted, const cv::Mat& mask = {}) {
+  PlaneMeasurement next(const VoFrame& frame, const cv::Mat& image) {
     path_.add({frame.stamp_ns, frame.T_w_c}).prior = prior;
     RoadImage road;
     const PlaneMeasurement result =
@@ -50,47 +60,26 @@ class Drive {
     path_.keepRoad(road);
     return result;
   }
+  /// Result for the camera at this distance along the road [VO units].
+  PlaneMeasurement nextAt(double at) { return next(scene_.frameAt(0, at), roadImage(scene_, at)); }
+  /// Result for the last of the images of frame 0, 1 ...
+  PlaneMeasurement run(const std::vector<cv::Mat>& images) {
+    PlaneMeasurement result;
+    for (std::uint32_t i = 0; i < images.size(); ++i) {
+      result = next(scene_.frame(i), images[i]);
+    }
+    return result;
+  }
+
+  RoadPrior prior;
+  double predicted;  // height [VO units]; 0: none
+  cv::Mat mask;
 
  private:
+  const RoadScene scene_;
   DirectPlaneEstimator estimator_;
   CameraPath path_;
 };
-
-/// Result of the last of `frames` frames, each with the same predicted height [VO units] (0: none).
-/// texture: as in roadImage().
-PlaneMeasurement drive(const RoadScene& scene, double predicted, std::uint32_t frames = 4,
-                       const Change& change = nullptr,
-                       const std::function<double(double, double)>& texture = asphalt,
-                       const DirectPlaneEstimator::Options& options = {}) {
-  Drive estimator(options);
-  PlaneMeasurement result;
-  RoadPrior prior = priorOf(scene, kPriorSigma);
-  prior.chord = Chord{prior.forward_c, scene.step};
-  for (std::uint32_t i = 0; i < frames; ++i) {
-    cv::Mat image = roadImage(scene, scene.step * i, texture);
-    if (change) change(i, &image);
-    result = estimator.next(scene.frame(i), image, prior, predicted);
-  }
-  return result;
-}
-
-/// Result of the last of the images, which show frame 0, 1 ... of the scene.
-PlaneMeasurement estimateWith(const DirectPlaneEstimator::Options& options, const RoadScene& scene,
-                              const std::vector<cv::Mat>& images, const RoadPrior& prior,
-                              double predicted) {
-  Drive estimator(options);
-  PlaneMeasurement result;
-  for (std::uint32_t i = 0; i < images.size(); ++i) {
-    result = estimator.next(scene.frame(i), images[i], prior, predicted);
-  }
-  return result;
-}
-
-std::vector<cv::Mat> imagesOf(const RoadScene& scene, int frames) {
-  std::vector<cv::Mat> images;
-  for (int i = 0; i < frames; ++i) images.push_back(roadImage(scene, scene.step * i));
-  return images;
-}
 
 TEST(DirectPlaneEstimator, FindsHeightAndNormalInAnyUnitAndMounting) {
   struct Case {
@@ -110,8 +99,9 @@ TEST(DirectPlaneEstimator, FindsHeightAndNormalInAnyUnitAndMounting) {
     scene.camera = each.camera;
     scene.pitch = each.pitch;
     scene.roll = each.roll;
-    const auto result =
-        drive(scene, each.predicted * scene.height, 4, nullptr, asphalt, withLensSigma(kExactLens));
+    Drive drive(scene, withLensSigma(kExactLens));
+    drive.predicted *= each.predicted;
+    const auto result = drive.run(imagesOf(scene, 4));
     ASSERT_EQ(result.status, MeasurementStatus::kMeasured);
     EXPECT_NEAR(result.plane.height / scene.height, 1, each.camera.fx < 600 ? 0.008 : 0.002);
     EXPECT_NEAR((result.plane.n_c - scene.normal()).norm(), 0, 0.003);
@@ -126,8 +116,7 @@ TEST(DirectPlaneEstimator, TheHeightDoesNotDependOnARadialDistortion) {
     const Distortion distortion(scene.camera, Lens{scene.camera, k1, 0});
     std::vector<cv::Mat> images = imagesOf(scene, 4);
     for (cv::Mat& image : images) image = distortion.image(image);
-    const auto result = estimateWith(withLensSigma(sigma), scene, images,
-                                     priorOf(scene, kPriorSigma), scene.height);
+    const auto result = Drive(scene, withLensSigma(sigma)).run(images);
     EXPECT_EQ(result.status, MeasurementStatus::kMeasured);
     return result.plane.height / scene.height;
   };
@@ -139,8 +128,7 @@ TEST(DirectPlaneEstimator, TheHeightDoesNotDependOnARadialDistortion) {
 /// Texture of a road with these curvatures along and across it and this twist [1 / camera height]
 /// (positive: it falls off) where the ray to (x, z) of the flat road meets it, for a camera that
 /// has travelled so far [camera heights].
-std::function<double(double, double)> curvedAsphalt(double curvature, double travelled,
-                                                    double crown = 0, double twist = 0) {
+Texture curvedAsphalt(double curvature, double travelled, double crown = 0, double twist = 0) {
   return [=](double x, double z) {
     const double ahead = z - travelled;  // s = 1 + drop * s^2
     const double drop = 0.5 * curvature * ahead * ahead + 0.5 * crown * x * x + twist * x * ahead;
@@ -158,13 +146,11 @@ TEST(DirectPlaneEstimator, ACrownedRoadDoesNotBiasTheHeightWithAnEstimatedLens) 
     const double at = scene.step * i;
     images.push_back(roadImage(scene, at, curvedAsphalt(0, at / scene.height, 0.05, 0.005)));
   }
-  const RoadPrior prior = priorOf(scene, kPriorSigma);
-  const DirectPlaneEstimator::Options options = withLensSigma(kExactLens);
-  const auto plane = estimateWith(options, scene, images, prior, scene.height);
+  const auto plane = Drive(scene, withLensSigma(kExactLens)).run(images);
   ASSERT_EQ(plane.status, MeasurementStatus::kMeasured);
   EXPECT_GT(plane.plane.height / scene.height, 1.008);
   scene.camera.lens_is_estimated = true;
-  const auto quadric = estimateWith(options, scene, images, prior, scene.height);
+  const auto quadric = Drive(scene, withLensSigma(kExactLens)).run(images);
   ASSERT_EQ(quadric.status, MeasurementStatus::kMeasured);
   EXPECT_NEAR(quadric.plane.height / scene.height, 1, 0.004);
 }
@@ -178,8 +164,7 @@ TEST(DirectPlaneEstimator, ACrestAheadDoesNotBiasTheHeight) {
     images.push_back(roadImage(scene, at, curvedAsphalt(0.0015, at / scene.height)));
   }
   const auto relativeErrorWith = [&](const DirectPlaneEstimator::Options& options) {
-    const auto result = estimateWith(options, scene, images, priorOf(scene, kPriorSigma), 0.7);
-    return std::abs(result.plane.height / scene.height - 1);
+    return std::abs(Drive(scene, options).run(images).plane.height / scene.height - 1);
   };
   DirectPlaneEstimator::Options flat_road;
   flat_road.curvature_sigma = 1e-9;
@@ -187,52 +172,48 @@ TEST(DirectPlaneEstimator, ACrestAheadDoesNotBiasTheHeight) {
   EXPECT_LT(relativeErrorWith({}), 0.8 * relativeErrorWith(flat_road));
 }
 
-TEST(DirectPlaneEstimator, IsInvariantToIlluminationAndExposure) {
+TEST(DirectPlaneEstimator, IsInvariantToIlluminationAndExposureAndAVehicleInTheLaneRegion) {
   const RoadScene scene = nearRoad();
-  const auto result = drive(scene, scene.height, 4, [](std::uint32_t i, cv::Mat* image) {
-    image->convertTo(*image, -1, 1 - 0.15 * (i % 3), 20.0 * (i % 2));
-    cv::Mat ramp(image->size(), CV_8U);  // and a brightness ramp in every second image
+  std::vector<cv::Mat> exposed = imagesOf(scene, 4), with_vehicle = imagesOf(scene, 4);
+  for (int i = 0; i < 4; ++i) {
+    cv::Mat& image = exposed[static_cast<std::size_t>(i)];
+    image.convertTo(image, -1, 1 - 0.15 * (i % 3), 20.0 * (i % 2));
+    cv::Mat ramp(image.size(), CV_8U);  // and a brightness ramp in every second image
     for (int u = 0; u < ramp.cols; ++u) ramp.col(u).setTo(u * (i % 2) * 40 / ramp.cols);
-    *image += ramp;
-  });
-  ASSERT_EQ(result.status, MeasurementStatus::kMeasured);
-  EXPECT_NEAR(result.plane.height / scene.height, 1, 0.006);
+    image += ramp;
+  }
+  cv::Mat vehicle(60, 60, CV_8U);  // static in the image
+  for (int i = 0; i < 3600; ++i) {
+    vehicle.data[i] =
+        static_cast<std::uint8_t>(90 + 60 * smoothNoise(270 + i % 60, 60 + i / 60, 6, 7));
+  }
+  for (cv::Mat& image : with_vehicle) vehicle.copyTo(image({270, 60, 60, 60}));
+  for (const auto& images : {exposed, with_vehicle}) {
+    const auto result = Drive(scene).run(images);
+    ASSERT_EQ(result.status, MeasurementStatus::kMeasured);
+    EXPECT_NEAR(result.plane.height / scene.height, 1, 0.006);
+  }
 }
 
 TEST(DirectPlaneEstimator, WithoutTextureAcrossThePathTheHeightIsNotObserved) {
   const RoadScene scene = nearRoad();
-  const double predicted = 1.03 * scene.height;
+  const auto measure = [&](const Texture& texture, double predicted = 1.03) {
+    Drive drive(scene);
+    drive.predicted *= predicted;
+    return drive.run(imagesOf(scene, 4, texture));
+  };
   const auto bare = [](double, double) { return 110.0; };
-  EXPECT_EQ(drive(scene, predicted, 4, nullptr, bare).status, MeasurementStatus::kNoPlane);
-  EXPECT_EQ(drive(scene, 0, 4, nullptr, bare).status, MeasurementStatus::kNoPlane);
+  EXPECT_EQ(measure(bare).status, MeasurementStatus::kNoPlane);
+  EXPECT_EQ(measure(bare, 0).status, MeasurementStatus::kNoPlane);
   // Lines along the path look the same at every distance.
   const auto lines = [](double x, double) { return asphalt(x, 0); };
-  EXPECT_EQ(drive(scene, predicted, 4, nullptr, lines).status, MeasurementStatus::kNoPlane);
+  EXPECT_EQ(measure(lines).status, MeasurementStatus::kNoPlane);
   // A little other texture suffices for a height, with a larger standard deviation.
   const auto weak = [](double x, double z) { return asphalt(x, 0) + 0.03 * (asphalt(x, z) - 110); };
-  const auto some = drive(scene, predicted, 4, nullptr, weak), full = drive(scene, predicted);
+  const auto some = measure(weak), full = measure(asphalt);
   ASSERT_EQ(some.status, MeasurementStatus::kMeasured);
   EXPECT_GT(some.sigma, 1.1 * full.sigma);
   EXPECT_LT(std::abs(some.plane.height - scene.height), 3 * some.sigma);
-}
-
-/// Textured region that is static in the image.
-Change staticRegion(const cv::Rect& place) {
-  return [place](std::uint32_t, cv::Mat* image) {
-    for (int v = place.y; v < place.br().y; ++v) {
-      for (int u = place.x; u < place.br().x; ++u) {
-        image->at<std::uint8_t>(v, u) =
-            static_cast<std::uint8_t>(90 + 60 * smoothNoise(u, v, 6, 7));
-      }
-    }
-  };
-}
-
-TEST(DirectPlaneEstimator, AVehicleInTheLaneRegionIsRejected) {
-  const RoadScene scene = nearRoad();
-  const auto result = drive(scene, scene.height, 4, staticRegion({270, 60, 60, 60}));
-  ASSERT_EQ(result.status, MeasurementStatus::kMeasured);
-  EXPECT_NEAR(result.plane.height / scene.height, 1, 0.006);
 }
 
 // In neither image: patches of the newest one below the region project into it in the reference
@@ -247,23 +228,23 @@ TEST(DirectPlaneEstimator, DoesNotUseAMaskedRegion) {
   struct Case {
     const RoadScene& scene;
     cv::Rect region;
-    std::uint32_t frames;
-    double predicted;
+    int frames;
   };
-  for (const Case& each : {Case{scene, {200, 130, 120, 30}, 8, 1.03 * scene.height},
-                           Case{large, {1001, 649, 601, 151}, 3, 1.03 * scene.height}}) {
-    SCOPED_TRACE(each.region.width + each.predicted);
+  for (const Case& each :
+       {Case{scene, {200, 130, 120, 30}, 8}, Case{large, {1001, 649, 601, 151}, 3}}) {
+    SCOPED_TRACE(each.region.width);
     cv::Mat mask(each.scene.camera.height, each.scene.camera.width, CV_8U, cv::Scalar(255));
     mask(each.region).setTo(0);
+    const std::vector<cv::Mat> images = imagesOf(each.scene, each.frames);
     const auto run = [&](bool has_noise, bool is_masked = true) {
-      Drive estimator;
+      Drive drive(each.scene);
+      drive.predicted *= 1.03;
+      if (is_masked) drive.mask = mask;
       PlaneMeasurement result;
-      for (std::uint32_t i = 0; i < each.frames; ++i) {
-        cv::Mat image = roadImage(each.scene, scene.step * i);
-        cv::Mat part = image(each.region);
+      for (std::uint32_t i = 0; i < images.size(); ++i) {
+        cv::Mat image = images[i].clone(), part = image(each.region);
         if (has_noise) cv::RNG(i + 1).fill(part, cv::RNG::UNIFORM, 0, 256);
-        result = estimator.next(each.scene.frame(i), image, priorOf(scene, kPriorSigma),
-                                each.predicted, is_masked ? mask : cv::Mat());
+        result = drive.next(each.scene.frame(i), image);
       }
       return result;
     };
@@ -280,8 +261,11 @@ TEST(DirectPlaneEstimator, DoesNotUseAMaskedRegion) {
 
 TEST(DirectPlaneEstimator, AWrongPredictionIsCorrectedOrRejected) {
   const RoadScene scene = nearRoad();
+  const std::vector<cv::Mat> images = imagesOf(scene, 4);
   for (const double factor : {0.3, 0.5, 0.75, 1.25, 2.0, 3.0}) {
-    const auto result = drive(scene, factor * scene.height);
+    Drive drive(scene);
+    drive.predicted *= factor;
+    const auto result = drive.run(images);
     if (result.status == MeasurementStatus::kMeasured) {
       EXPECT_NEAR(result.plane.height / scene.height, 1, 0.01) << factor;
     }
@@ -295,9 +279,7 @@ TEST(DirectPlaneEstimator, TheRegionOfATeleLensContainsVisibleRoad) {
   scene.camera = {620, 188, 900.0, 900.0, 310.0, 92.0};
   DirectPlaneEstimator::Options options;
   options.patch_size = 0.01;
-  const auto result =
-      estimateWith(options, scene, imagesOf(scene, 5), priorOf(scene, kPriorSigma), scene.height);
-  EXPECT_GE(result.support, 24);
+  EXPECT_GE(Drive(scene, options).run(imagesOf(scene, 5)).support, 24);
 }
 
 // The vehicle drives over a hill, and its rear-facing camera sees the part that it has passed. The
@@ -307,9 +289,8 @@ TEST(DirectPlaneEstimator, ARearFacingCameraGivesTheHeightOfAnEarlierCamera) {
   constexpr double kCurvature = 0.003;  // [1 / camera height]; a radius of 550 m at 1.65 m
   RoadScene scene = nearRoad();
   scene.step = -0.3;
-  RoadPrior prior = priorOf(scene, kPriorSigma);
-  prior.forward_c = -prior.forward_c;
-  Drive estimator;
+  Drive drive(scene);
+  drive.prior.forward_c *= -1;
   PlaneMeasurement result;
   for (std::uint32_t i = 0; i < 40; ++i) {
     // In the camera's axes the hill is the same everywhere, because the curvature is constant.
@@ -322,8 +303,8 @@ TEST(DirectPlaneEstimator, ARearFacingCameraGivesTheHeightOfAnEarlierCamera) {
     T_r_c.rotate(Eigen::AngleAxisd(kCurvature / scene.height * z, Eigen::Vector3d::UnitX()));
     T_r_c.rotate(scene.rotation());
     frame.T_w_c = T_r_c;
-    const cv::Mat image = roadImage(scene, scene.step * i, curvedAsphalt(-kCurvature, travelled));
-    result = estimator.next(frame, image, prior, scene.height);
+    result =
+        drive.next(frame, roadImage(scene, scene.step * i, curvedAsphalt(-kCurvature, travelled)));
   }
   ASSERT_EQ(result.status, MeasurementStatus::kMeasured);
   EXPECT_NEAR(result.plane.height / scene.height, 1, 0.01);
@@ -341,8 +322,7 @@ TEST(DirectPlaneEstimator, EachErrorEntersTheSigma) {
     Options options;
     for (const auto other : errors) options.*other = 1e-6;
     if (error) options.*error = 0.01;
-    const auto result =
-        estimateWith(options, scene, images, priorOf(scene, kPriorSigma), scene.height);
+    const auto result = Drive(scene, options).run(images);
     EXPECT_EQ(result.status, MeasurementStatus::kMeasured);
     return result.sigma;
   };
@@ -357,10 +337,11 @@ TEST(DirectPlaneEstimator, ThePriorsOfPitchAndRollAreIndependent) {
   pitched.pitch += 0.01;
   rolled.roll += 0.01;
   const auto normalWith = [&](const RoadScene& expected, double pitch_sigma, double roll_sigma) {
-    RoadPrior prior = priorOf(expected);
-    prior.pitch_sigma = pitch_sigma;
-    prior.roll_sigma = roll_sigma;
-    const auto result = estimateWith({}, scene, images, prior, scene.height);
+    Drive drive(scene);
+    drive.prior = priorOf(expected);
+    drive.prior.pitch_sigma = pitch_sigma;
+    drive.prior.roll_sigma = roll_sigma;
+    const auto result = drive.run(images);
     EXPECT_EQ(result.status, MeasurementStatus::kMeasured);
     return result.plane.n_c;
   };
@@ -374,13 +355,9 @@ TEST(DirectPlaneEstimator, ThePriorsOfPitchAndRollAreIndependent) {
 TEST(DirectPlaneEstimator, AReferenceIsNeitherTooNearNorTooFar) {
   const RoadScene scene = nearRoad();
   const auto statusAfter = [&](std::initializer_list<double> positions) {  // [camera heights]
-    Drive estimator;
+    Drive drive(scene);
     PlaneMeasurement result;
-    for (const double at : positions) {
-      const double z = at * scene.height;
-      result = estimator.next(scene.frameAt(0, z), roadImage(scene, z), priorOf(scene, kPriorSigma),
-                              scene.height);
-    }
+    for (const double at : positions) result = drive.nextAt(at * scene.height);
     return result.status;
   };
   EXPECT_EQ(statusAfter({0}), MeasurementStatus::kStandstill);
@@ -388,14 +365,10 @@ TEST(DirectPlaneEstimator, AReferenceIsNeitherTooNearNorTooFar) {
   EXPECT_EQ(statusAfter({0, 12}), MeasurementStatus::kStandstill);
   EXPECT_EQ(statusAfter({0, 0.7}), MeasurementStatus::kMeasured);
   // Slow: the older images are kept, at distances of up to two baselines.
-  Drive slow;
+  Drive slow(scene);
   PlaneMeasurement result;
-  for (int i = 0; i < 40; ++i) {
-    const double z = 0.05 * i * scene.height;
-    result = slow.next(scene.frameAt(0, z), roadImage(scene, z), priorOf(scene, kPriorSigma),
-                       scene.height);
-  }
-  const auto two_baselines = drive(scene, scene.height);
+  for (int i = 0; i < 40; ++i) result = slow.nextAt(0.05 * i * scene.height);
+  const auto two_baselines = Drive(scene).run(imagesOf(scene, 4));
   EXPECT_EQ(result.status, MeasurementStatus::kMeasured);
   EXPECT_LT(result.sigma, 1.5 * two_baselines.sigma);
 }
@@ -404,19 +377,16 @@ TEST(DirectPlaneEstimator, ImagesOfAnotherCameraOrMaskAreNoReference) {
   const RoadScene scene = nearRoad();
   RoadScene other = scene;
   other.camera = {620, 188, 359, 364, 315, 92};
-  Drive estimator;
-  const auto next = [&](const RoadScene& camera, std::uint32_t i, const cv::Mat& mask = {}) {
-    return estimator
-        .next(camera.frame(i), roadImage(camera, scene.step * i), priorOf(scene, kPriorSigma),
-              scene.height, mask)
-        .status;
+  Drive drive(scene);
+  const auto next = [&](const RoadScene& camera, std::uint32_t i) {
+    return drive.next(camera.frame(i), roadImage(camera, scene.step * i)).status;
   };
   next(other, 0);
   EXPECT_EQ(next(other, 1), MeasurementStatus::kMeasured);
   EXPECT_EQ(next(scene, 2), MeasurementStatus::kStandstill);
   EXPECT_EQ(next(scene, 3), MeasurementStatus::kMeasured);
-  const cv::Mat mask(scene.camera.height, scene.camera.width, CV_8U, cv::Scalar(0));
-  EXPECT_NE(next(scene, 4, mask), MeasurementStatus::kMeasured);
+  drive.mask = cv::Mat::zeros(scene.camera.height, scene.camera.width, CV_8U);
+  EXPECT_NE(next(scene, 4), MeasurementStatus::kMeasured);
 }
 
 /// Part of the step between two frames that falls into the readout: 30 ms at 10 Hz.
@@ -436,30 +406,26 @@ cv::Mat rollingRoadImage(const RoadScene& scene, double at) {
   return image;
 }
 
-/// Relative error of the height.
-double errorWith(const RoadScene& scene, bool is_compensated) {
-  Drive estimator;
-  PlaneMeasurement result;
-  for (std::uint32_t i = 0; i < 4; ++i) {
-    VoFrame frame = scene.frame(i);
-    if (is_compensated) {
-      frame.readout_motion.tail<3>() =
-          scene.rotation().transpose() * Eigen::Vector3d(0, 0, kReadoutPart * scene.step);
-    }
-    result = estimator.next(frame, rollingRoadImage(scene, scene.step * i), priorOf(scene, 0.002),
-                            scene.height);
-  }
-  EXPECT_EQ(result.status, MeasurementStatus::kMeasured);
-  return std::abs(result.plane.height / scene.height - 1);
-}
-
 TEST(DirectPlaneEstimator, PatchesOfARollingShutterAreWarpedWithThePosesOfTheirRows) {
-  RoadScene scene;
-  scene.pitch = 0.03;
+  RoadScene scene = nearRoad();
   scene.step = 0.5 * scene.height;
-  scene.addPatch(1500, -2.5, 2.5, 0, 15, 0, 1);
-  EXPECT_GT(errorWith(scene, false), 0.02);
-  EXPECT_LT(errorWith(scene, true), 0.005);
+  const auto relativeError = [&](bool is_compensated) {
+    Drive drive(scene);
+    drive.prior = priorOf(scene, 0.002);
+    PlaneMeasurement result;
+    for (std::uint32_t i = 0; i < 4; ++i) {
+      VoFrame frame = scene.frame(i);
+      if (is_compensated) {
+        frame.readout_motion.tail<3>() =
+            scene.rotation().transpose() * Eigen::Vector3d(0, 0, kReadoutPart * scene.step);
+      }
+      result = drive.next(frame, rollingRoadImage(scene, scene.step * i));
+    }
+    EXPECT_EQ(result.status, MeasurementStatus::kMeasured);
+    return std::abs(result.plane.height / scene.height - 1);
+  };
+  EXPECT_GT(relativeError(false), 0.02);
+  EXPECT_LT(relativeError(true), 0.005);
 }
 
 }  // namespace

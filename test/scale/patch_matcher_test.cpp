@@ -46,13 +46,13 @@ class PatchMatcherTest : public testing::Test {
     patch_.value = valuesOf(reference_, kPlane);
     const auto difference = [&](Samples* ray, double focal_length) -> Samples {
       const Samples centre = *ray;
-      const auto step = static_cast<float>(kStep_px / focal_length);
-      *ray = centre + step;
-      const Samples after = valuesOf(reference_, kPlane);
-      *ray = centre - step;
-      const Samples before = valuesOf(reference_, kPlane);
+      const auto valuesAt = [&](float shift_px) {
+        *ray = centre + shift_px / static_cast<float>(focal_length);
+        return valuesOf(reference_, kPlane);
+      };
+      const Samples result = (valuesAt(kStep_px) - valuesAt(-kStep_px)) / (2 * kStep_px);
       *ray = centre;
-      return (after - before) / (2 * kStep_px);
+      return result;
     };
     const Samples grad_x = difference(&patch_.ray_x, kCamera.fx);
     const Samples grad_y = difference(&patch_.ray_y, kCamera.fy);
@@ -86,16 +86,15 @@ class PatchMatcherTest : public testing::Test {
   float deviation_ = 0;  ///< of the patch's intensities [grey levels]
 };
 
-/// The inverse depth -q of all rays changes with the third component of m.
-Eigen::Vector3d planeMovedBy(float dq) { return kPlane + Eigen::Vector3d(0, 0, dq); }
-
 TEST_F(PatchMatcherTest, JacobianIsTheDerivativeByQ) {
   const Match match = linearised();
   EXPECT_TRUE(match.observable);
   constexpr float kStep = 0.01f;
-  Samples expected =
-      (valuesOf(reference_, planeMovedBy(kStep)) - valuesOf(reference_, planeMovedBy(-kStep))) /
-      (2 * kStep * deviation_);
+  // The inverse depth -q of all rays changes with the third component of m.
+  const auto moved = [&](float dq) {
+    return valuesOf(reference_, kPlane + Eigen::Vector3d(0, 0, dq));
+  };
+  Samples expected = (moved(kStep) - moved(-kStep)) / (2 * kStep * deviation_);
   expected -= expected.mean();
   EXPECT_LT((match.jacobian - expected).abs().maxCoeff(), 0.05f * expected.abs().maxCoeff());
 }
@@ -121,17 +120,8 @@ TEST_F(PatchMatcherTest, MotionIsTheShiftByAnErrorOfTheMotion) {
   }
 }
 
-TEST_F(PatchMatcherTest, UsesNoMaskedPixelAndNoneOutsideTheImage) {
+TEST_F(PatchMatcherTest, UsesNoPixelOutsideTheImage) {
   Samples values;
-  cv::Mat mask(kCamera.height, kCamera.width, CV_8U, cv::Scalar(255));
-  const auto isSampledWithMask = [&] {
-    return PatchMatcher(kCamera, kPatchSize, kGreyNoise, mask)
-        .sample(reference_, patch_, kPlane, &values);
-  };
-  EXPECT_TRUE(isSampledWithMask());
-  const Eigen::Vector2d u = pixelOf(9);
-  mask.at<unsigned char>(static_cast<int>(u.y()), static_cast<int>(u.x())) = 0;
-  EXPECT_FALSE(isSampledWithMask());
   // The stored part of the image must contain the pixels around all samples.
   Eigen::Vector2d first = pixelOf(0), last = first;
   for (int i = 1; i < kPatchSamples; ++i) {
@@ -148,11 +138,10 @@ TEST_F(PatchMatcherTest, UsesNoMaskedPixelAndNoneOutsideTheImage) {
   };
   ASSERT_TRUE(isSampled({begin, end}));
   EXPECT_LT((values - valuesOf(reference_, kPlane)).abs().maxCoeff(), 0.01f);
-  const cv::Point column(1, 0), row(0, 1);
-  EXPECT_FALSE(isSampled({begin + column, end}));
-  EXPECT_FALSE(isSampled({begin + row, end}));
-  EXPECT_FALSE(isSampled({begin, end - column}));
-  EXPECT_FALSE(isSampled({begin, end - row}));
+  for (const cv::Point& one : {cv::Point(1, 0), cv::Point(0, 1)}) {
+    EXPECT_FALSE(isSampled({begin + one, end})) << one;
+    EXPECT_FALSE(isSampled({begin, end - one})) << one;
+  }
 }
 
 TEST_F(PatchMatcherTest, NoiseDoesNotLowerTheCorrelation) {

@@ -12,12 +12,19 @@ namespace {
 
 std::int64_t ns(double seconds) { return std::llround(1e9 * seconds); }
 
+using SpeedAt = std::function<double(double)>;
+
 /// Samples at 10 Hz from `from` up to `to` [s].
-void add(SpeedTrack* track, double from, double to, const std::function<double(double)>& speed) {
+void add(SpeedTrack* track, double from, double to, const SpeedAt& speed) {
   for (int i = 0; from + 0.1 * i < to - 1e-9; ++i) {
     const double t = from + 0.1 * i;
     track->add({ns(t), speed(t), 0});
   }
+}
+SpeedTrack trackOf(double from, double to, const SpeedAt& speed) {
+  SpeedTrack track(0.05);
+  add(&track, from, to, speed);
+  return track;
 }
 
 double metres(const SpeedTrack& track, double from, double to) {
@@ -26,8 +33,7 @@ double metres(const SpeedTrack& track, double from, double to) {
 }
 
 TEST(SpeedTrack, IntegratesBetweenStampsThatItCovers) {
-  SpeedTrack track(0.05);
-  add(&track, 1, 6.05, [](double t) { return 2 * t; });
+  const SpeedTrack track = trackOf(1, 6.05, [](double t) { return 2 * t; });
   EXPECT_NEAR(metres(track, 1.23, 4.56), 4.56 * 4.56 - 1.23 * 1.23, 1e-9);
   EXPECT_NEAR(track.speedAt(ns(2.345)), 4.69, 1e-9);
   EXPECT_TRUE(std::isnan(metres(track, 0.9, 2)));  // before the first
@@ -39,8 +45,7 @@ TEST(SpeedTrack, IntegratesBetweenStampsThatItCovers) {
 }
 
 TEST(SpeedTrack, IgnoresWhatIsNoSpeed) {
-  SpeedTrack track(0.05);
-  add(&track, 0, 1.05, [](double) { return 5; });
+  SpeedTrack track = trackOf(0, 1.05, [](double) { return 5; });
   track.add({ns(1.1), std::nan(""), 0});
   track.add({ns(1.1), 1e9, 0});
   track.add({ns(0.5), 7, 0});  // out of order
@@ -52,12 +57,10 @@ TEST(SpeedTrack, IgnoresWhatIsNoSpeed) {
 }
 
 TEST(SpeedTrack, LeavesOutASlipAndBelievesANewLevelLater) {
-  SpeedTrack track(0.05);
-  add(&track, 0, 10.05, [](double t) { return t > 3.95 && t < 5.95 ? 13 : 10; });
+  const auto track = trackOf(0, 10.05, [](double t) { return t > 3.95 && t < 5.95 ? 13 : 10; });
   EXPECT_NEAR(metres(track, 1, 9), 80, 0.01);
   EXPECT_FALSE(track.jumped());
-  SpeedTrack other(0.05);
-  add(&other, 0, 5.05, [](double t) { return t > 2.95 ? 13 : 10; });
+  SpeedTrack other = trackOf(0, 5.05, [](double t) { return t > 2.95 ? 13 : 10; });
   EXPECT_TRUE(other.jumped());
   EXPECT_TRUE(std::isnan(metres(other, 1, 4)));
   add(&other, 5.1, 9.05, [](double) { return 13; });
@@ -66,9 +69,7 @@ TEST(SpeedTrack, LeavesOutASlipAndBelievesANewLevelLater) {
 }
 
 TEST(SpeedTrack, AStopIsOneThatTheVehicleBrakesTo) {
-  const auto braking = [](double t) { return std::max(0.0, 4 - 2 * t); };
-  SpeedTrack track(0.05);
-  add(&track, 0, 5.05, braking);
+  SpeedTrack track = trackOf(0, 5.05, [](double t) { return std::max(0.0, 4 - 2 * t); });
   EXPECT_TRUE(track.standsStill(ns(3), ns(5)));
   EXPECT_TRUE(track.standsStill(ns(3), ns(5.1)));   // the next one is not due yet
   EXPECT_FALSE(track.standsStill(ns(3), ns(5.5)));  // silent
@@ -76,19 +77,17 @@ TEST(SpeedTrack, AStopIsOneThatTheVehicleBrakesTo) {
   track.ignoreZero();
   EXPECT_FALSE(track.standsStill(ns(3), ns(5)));
 
-  SpeedTrack failed(0.05);
-  add(&failed, 0, 5.05, [](double t) { return t < 2 ? 8 : 0; });
-  EXPECT_FALSE(failed.standsStill(ns(3), ns(5)));
-  SpeedTrack dead(0.05);
-  add(&dead, 0, 5.05, [](double) { return 0; });
-  EXPECT_FALSE(dead.standsStill(ns(3), ns(5)));
+  for (const double before : {8, 0}) {  // failed, dead
+    const auto failed = trackOf(0, 5.05, [=](double t) { return t < 2 ? before : 0; });
+    EXPECT_FALSE(failed.standsStill(ns(3), ns(5)));
+  }
 }
 
 double speed(double t) { return 8 + 2 * std::sin(0.8 * t); }
 
 /// The error or warning after a drive of 20 s at speed(), with a pose every 0.5 s in metres. sign:
 /// of the motion along the optical axis.
-std::string warningOf(const std::function<double(double)>& sensor, double sign = 1) {
+std::string warningOf(const SpeedAt& sensor, double sign = 1) {
   PathSpeed path_speed(0.05);
   CameraPath path;
   for (double t = 0; t < 20; t += 0.5) {
@@ -109,34 +108,32 @@ std::string warningOf(const std::function<double(double)>& sensor, double sign =
 double held(double t, double time) { return speed(time * std::floor(t / time + 1e-9)); }
 
 TEST(PathSpeed, NamesWhatIsWrong) {
-  const auto contains = [](const std::string& text, const char* part) {
-    return text.find(part) != std::string::npos;
+  const SpeedAt correct[] = {speed, [](double t) { return held(t, 1); },  // a value at 1 Hz
+                             [](double t) { return std::round(3.6 * held(t, 1)) / 3.6; },
+                             [](double t) { return 1.03 * speed(t); }};
+  for (const SpeedAt& sensor : correct) EXPECT_EQ(warningOf(sensor), "") << &sensor - correct;
+  const auto expectNamed = [](const std::string& text, const std::string& part) {
+    EXPECT_NE(text.find(part), std::string::npos) << text << "; expected: " << part;
   };
-  EXPECT_EQ(warningOf(speed), "");
-  EXPECT_EQ(warningOf([](double t) { return held(t, 1); }), "") << "a value at 1 Hz";
-  EXPECT_EQ(warningOf([](double t) { return std::round(3.6 * held(t, 1)) / 3.6; }), "");
-  EXPECT_EQ(warningOf([&](double t) { return 1.03 * speed(t); }), "");
-  const std::string late = warningOf([&](double t) { return speed(t - 0.2); });
-  EXPECT_TRUE(contains(late, "0.2") && contains(late, "s later than the motion")) << late;
-  EXPECT_TRUE(contains(warningOf([&](double t) { return 1.3 * speed(t); }), "another unit"));
+  const std::string late = warningOf([](double t) { return speed(t - 0.2); });
+  expectNamed(late, "0.2");
+  expectNamed(late, "s later than the motion");
+  expectNamed(warningOf([](double t) { return 1.3 * speed(t); }), "another unit");
   for (const SpeedUnit& unit : kSpeedUnits) {
     const double factor = 1 / unit.metres_per_second;
-    const std::string text = warningOf([&](double t) { return factor * speed(t); });
-    const std::string inverse = warningOf([&](double t) { return speed(t) / factor; });
     if (factor == 1) continue;
-    EXPECT_TRUE(contains(text, factor > 100 ? "is its unit m/s?" : unit.symbol)) << text;
-    EXPECT_TRUE(contains(inverse, unit.symbol)) << inverse;
+    expectNamed(warningOf([=](double t) { return factor * speed(t); }),
+                factor > 100 ? "is its unit m/s?" : unit.symbol);
+    expectNamed(warningOf([=](double t) { return speed(t) / factor; }), unit.symbol);
   }
-  EXPECT_TRUE(
-      contains(warningOf([&](double t) { return t < 5.9 ? speed(t) : speed(5.9); }), "stuck"));
-  EXPECT_TRUE(contains(warningOf([&](double t) { return t < 17 ? speed(t) : 1.4 * speed(t); }),
-                       "jumps to"));
-  EXPECT_TRUE(contains(warningOf([&](double t) { return -speed(t); }), "sign"));
-  EXPECT_TRUE(contains(warningOf(speed, -1), "sign"));
-  EXPECT_TRUE(contains(PathSpeed(0.05).warning(0), "no speed"));
-  PathSpeed other_clock(0.05);
+  expectNamed(warningOf([](double t) { return speed(std::min(t, 5.9)); }), "stuck");
+  expectNamed(warningOf([](double t) { return t < 17 ? speed(t) : 1.4 * speed(t); }), "jumps to");
+  expectNamed(warningOf([](double t) { return -speed(t); }), "sign");
+  expectNamed(warningOf(speed, -1), "sign");
+  PathSpeed none(0.05), other_clock(0.05);
+  expectNamed(none.warning(0), "no speed");
   other_clock.add({ns(1000), 5, 0});
-  EXPECT_TRUE(contains(other_clock.warning(0), "1000.0 s later than the images"));
+  expectNamed(other_clock.warning(0), "1000.0 s later than the images");
 }
 
 TEST(PathSpeed, OfTheMapBeforeIsNotCurrent) {

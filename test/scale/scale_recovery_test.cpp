@@ -24,6 +24,12 @@ RoadScene pitchedRoad() {
 
 const double kTrueScale = 1.65 / RoadScene().height;  // [m per VO unit]
 
+VoFrame with(VoStatus status, Continuity continuity, VoFrame frame) {
+  frame.status = status;
+  frame.continuity = continuity;
+  return frame;
+}
+
 /// Output for the last of the scene's first frames. They have images if has_images.
 ScaleRecovery::Output run(ScaleRecovery* recovery, const RoadScene& scene, std::uint32_t frames,
                           bool has_images = false) {
@@ -94,44 +100,35 @@ TEST(ScaleRecovery, IsTheSameInAnyUnit) {
 }
 
 /// Pitch, roll and yaw of the mounting [rad].
-class ScaleRecoveryMounting : public testing::TestWithParam<std::tuple<double, double, double>> {
- protected:
-  RoadScene mounted() const {
-    RoadScene scene;
-    std::tie(scene.pitch, scene.roll, scene.yaw) = GetParam();
-    scene.camera = {640, 360, 360, 360, 320, 180};
-    return scene;
+class ScaleRecoveryMounting : public testing::TestWithParam<std::tuple<double, double, double>> {};
+
+TEST_P(ScaleRecoveryMounting, FeaturesOrDirectMeasurementsAloneGiveTheScale) {
+  RoadScene scene;
+  std::tie(scene.pitch, scene.roll, scene.yaw) = GetParam();
+  scene.camera = {640, 360, 360, 360, 320, 180};
+  for (const bool is_direct : {false, true}) {
+    SCOPED_TRACE(is_direct);
+    scene.points.clear();
+    scene.addPatch(is_direct ? 600 : 8000, -6, 6, -6, 40, 0, 1);
+    scene.depth_noise = is_direct ? 0 : 0.02;
+    ScaleRecovery::Options options = recoveryOptions();
+    if (is_direct) options.gpe.min_points = 1000000;
+    ScaleRecovery recovery(options);
+    const ScaleRecovery::Output output = run(&recovery, scene, is_direct ? 24 : 80, is_direct);
+    ASSERT_NE(output.scale.status, ScaleStatus::kUnknown);
+    EXPECT_NEAR(output.scale.scale / kTrueScale, 1, 0.015);
+    EXPECT_NEAR((output.scale.n_c - scene.normal()).norm(), 0, 0.02);
+    if (is_direct) {
+      EXPECT_EQ(output.feature_based.plane.height, 0);
+      EXPECT_NEAR(output.direct.plane.height / scene.height, 1, 0.02);
+      EXPECT_GT(output.direct.correlation, 0.8);
+      continue;
+    }
+    const Eigen::Vector3d mounting_n_c = roadNormal(output.mounting_pitch, output.mounting_roll);
+    EXPECT_NEAR((mounting_n_c - scene.normal()).norm(), 0, 0.02);
+    EXPECT_GT(output.mounting_sigma, 0);
+    EXPECT_LT(output.mounting_sigma, 0.03);
   }
-};
-
-TEST_P(ScaleRecoveryMounting, FeaturesGiveTheScale) {
-  RoadScene scene = mounted();
-  scene.addPatch(8000, -6, 6, -6, 40, 0, 1);
-  scene.depth_noise = 0.02;
-  ScaleRecovery recovery(recoveryOptions());
-  const ScaleRecovery::Output output = run(&recovery, scene, 80);
-  ASSERT_NE(output.scale.status, ScaleStatus::kUnknown);
-  EXPECT_NEAR(output.scale.scale / kTrueScale, 1, 0.015);
-  EXPECT_NEAR((output.scale.n_c - scene.normal()).norm(), 0, 0.02);
-  const Eigen::Vector3d mounting_n_c = roadNormal(output.mounting_pitch, output.mounting_roll);
-  EXPECT_NEAR((mounting_n_c - scene.normal()).norm(), 0, 0.02);
-  EXPECT_GT(output.mounting_sigma, 0);
-  EXPECT_LT(output.mounting_sigma, 0.03);
-}
-
-TEST_P(ScaleRecoveryMounting, DirectMeasurementsGiveTheScale) {
-  RoadScene scene = mounted();
-  scene.addPatch(600, -6, 6, -6, 40, 0, 1);
-  ScaleRecovery::Options direct_only = recoveryOptions();
-  direct_only.gpe.min_points = 1000000;
-  ScaleRecovery recovery(direct_only);
-  const ScaleRecovery::Output output = run(&recovery, scene, 24, true);
-  ASSERT_NE(output.scale.status, ScaleStatus::kUnknown);
-  EXPECT_NEAR(output.scale.scale / kTrueScale, 1, 0.015);
-  EXPECT_NEAR((output.scale.n_c - scene.normal()).norm(), 0, 0.02);
-  EXPECT_EQ(output.feature_based.plane.height, 0);
-  EXPECT_NEAR(output.direct.plane.height / scene.height, 1, 0.02);
-  EXPECT_GT(output.direct.correlation, 0.8);
 }
 
 INSTANTIATE_TEST_SUITE_P(Mountings, ScaleRecoveryMounting,
@@ -205,9 +202,9 @@ TEST(ScaleRecovery, TheMotionDuringTheInitialisationCountsAsTravelled) {
   const RoadScene scene = pitchedRoad();
   for (const bool sees_start : {true, false}) {
     ScaleRecovery recovery(recoveryOptions());
-    VoFrame first = scene.frame(0);
-    first.status = VoStatus::kInitialising;
-    if (sees_start) recovery.process(first);
+    if (sees_start) {
+      recovery.process(with(VoStatus::kInitialising, Continuity::kSameMap, scene.frame(0)));
+    }
     const auto output = recovery.process(scene.frame(3));
     EXPECT_EQ(output.scale.status != ScaleStatus::kUnknown, sees_start);
   }
@@ -325,7 +322,8 @@ TEST(ScaleRecovery, AfterAChangeOfTheUnitTheScaleIsFoundAgain) {
   const RoadScene scene = pitchedRoad();
   const RoadScene other = inUnit(50, scene);
   ScaleRecovery recovery(recoveryOptions());
-  ScaleRecovery::Output output = run(&recovery, scene, 40);
+  run(&recovery, scene, 40);
+  ScaleRecovery::Output output;
   for (std::uint32_t i = 40; i < 80; ++i) output = recovery.process(other.frame(i));
   EXPECT_EQ(output.scale.status, ScaleStatus::kOk);
   EXPECT_NEAR(output.scale.scale / (kTrueScale / 50), 1, 0.02);
@@ -336,9 +334,7 @@ TEST(ScaleRecovery, AnotherLensMakesTheScaleUncertain) {
   const auto sigmaAfter = [&](Continuity continuity) {
     ScaleRecovery recovery(recoveryOptions());
     run(&recovery, scene, 60);
-    VoFrame frame = scene.frame(60);
-    frame.continuity = continuity;
-    return recovery.process(frame).scale.sigma;
+    return recovery.process(with(VoStatus::kTracking, continuity, scene.frame(60))).scale.sigma;
   };
   EXPECT_GT(sigmaAfter(Continuity::kOtherLens), 1.08 * sigmaAfter(Continuity::kSameMap));
 }
@@ -349,10 +345,8 @@ TEST(ScaleRecovery, NewMapRestartsTheScaleAndContinuesTheOdometry) {
   ScaleRecovery recovery(recoveryOptions());
   ScaleRecovery::Output output = run(&recovery, scene, 40);
   const Eigen::Vector3d n_c = output.scale.n_c;
-  VoFrame lost = scene.frame(40);
-  lost.status = VoStatus::kLost;
-  lost.continuity = Continuity::kNewMap;  // a lost frame belongs to no map
-  output = recovery.process(lost);
+  // A lost frame belongs to no map.
+  output = recovery.process(with(VoStatus::kLost, Continuity::kNewMap, scene.frame(40)));
   EXPECT_EQ(output.scale.status, ScaleStatus::kHeld);
   EXPECT_EQ(output.scale.measurement, MeasurementStatus::kVoNotTracking);
   EXPECT_EQ(output.scale.n_c, n_c);
@@ -361,10 +355,7 @@ TEST(ScaleRecovery, NewMapRestartsTheScaleAndContinuesTheOdometry) {
   EXPECT_EQ(output.scale.status, ScaleStatus::kOk);
   const MetricPose last = *output.pose;
   // The odometry looks for a start of the next map, of which nothing is known.
-  VoFrame initialising = scene.frame(42);
-  initialising.status = VoStatus::kInitialising;
-  initialising.continuity = Continuity::kNewMap;
-  output = recovery.process(initialising);
+  output = recovery.process(with(VoStatus::kInitialising, Continuity::kNewMap, scene.frame(42)));
   EXPECT_EQ(output.scale.status, ScaleStatus::kUnknown);
   EXPECT_EQ(output.scale.measurement, MeasurementStatus::kVoNotTracking);
   EXPECT_EQ(output.scale.scale, 0);
@@ -401,14 +392,15 @@ TEST(ScaleRecovery, ANewMapKeepsNothingInTheUnitOfTheLastOne) {
     const cv::Mat image = roadImage(scene, scene.step * i);
     const auto output_a = a.process(frame_a, image), output_b = b.process(frame_b, image);
     if (i < 25) continue;
-    EXPECT_EQ(output_a.scale.status, output_b.scale.status) << i;
-    EXPECT_EQ(output_a.scale.measurement, output_b.scale.measurement) << i;
-    EXPECT_EQ(output_a.scale.window_points, output_b.scale.window_points) << i;
-    EXPECT_NEAR(output_a.scale.scale, output_b.scale.scale, 1e-9) << i;
-    EXPECT_NEAR(output_a.scale.sigma, output_b.scale.sigma, 1e-9) << i;
-    EXPECT_NEAR(output_a.feature_based.plane.height, output_b.feature_based.plane.height, 1e-9)
-        << i;
-    EXPECT_NEAR(output_a.direct.plane.height, output_b.direct.plane.height, 1e-9) << i;
+    SCOPED_TRACE(i);
+    const ScaleEstimate &scale_a = output_a.scale, &scale_b = output_b.scale;
+    EXPECT_EQ(scale_a.status, scale_b.status);
+    EXPECT_EQ(scale_a.measurement, scale_b.measurement);
+    EXPECT_EQ(scale_a.window_points, scale_b.window_points);
+    EXPECT_NEAR(scale_a.scale, scale_b.scale, 1e-9);
+    EXPECT_NEAR(scale_a.sigma, scale_b.sigma, 1e-9);
+    EXPECT_NEAR(output_a.feature_based.plane.height, output_b.feature_based.plane.height, 1e-9);
+    EXPECT_NEAR(output_a.direct.plane.height, output_b.direct.plane.height, 1e-9);
   }
 }
 
@@ -510,23 +502,11 @@ TEST(ScaleRecovery, WithoutImagesOrRefineItIsFeatureBased) {
   EXPECT_EQ(b.direct.plane.height, 0);
 }
 
-TEST(ScaleRecovery, AnImageOfAnotherSizeIsRefused) {
-  const RoadScene scene = pitchedRoad();
-  ScaleRecovery recovery(recoveryOptions());
-  EXPECT_THROW(recovery.process(scene.frame(0), cv::Mat(10, 10, CV_8U)), OptionError);
-  EXPECT_THROW(recovery.process(scene.frame(0), cv::Mat(188, 620, CV_8UC3)), OptionError);
-  const cv::Mat image = roadImage(scene, 0);
-  EXPECT_THROW(recovery.process(scene.frame(0), image, cv::Mat(10, 10, CV_8U)), OptionError);
-}
-
 TEST(ScaleRecovery, IsDeterministicAndANewTrajectoryRestoresTheInitialState) {
   const RoadScene scene = pitchedRoad();
   ScaleRecovery a(recoveryOptions()), b(recoveryOptions());
   for (std::uint32_t i = 0; i < 30; ++i) b.process(scene.frame(i + 100));
-  VoFrame lost = scene.frame(0);
-  lost.status = VoStatus::kLost;
-  lost.continuity = Continuity::kNewTrajectory;
-  b.process(lost);
+  b.process(with(VoStatus::kLost, Continuity::kNewTrajectory, scene.frame(0)));
   const auto output_a = run(&a, scene, 50), output_b = run(&b, scene, 50);
   EXPECT_EQ(output_a.scale.raw_scale, output_b.scale.raw_scale);
   EXPECT_EQ(output_a.scale.scale, output_b.scale.scale);
@@ -536,7 +516,13 @@ TEST(ScaleRecovery, IsDeterministicAndANewTrajectoryRestoresTheInitialState) {
   EXPECT_EQ(output_a.pose->covariance, output_b.pose->covariance);
 }
 
-TEST(ScaleRecovery, OptionsThatContradictEachOtherAreNamed) {
+TEST(ScaleRecovery, RefusesImagesOfAnotherSizeAndOptionsThatContradictEachOther) {
+  const VoFrame frame = pitchedRoad().frame(0);
+  const cv::Mat small(10, 10, CV_8U);
+  ScaleRecovery recovery(recoveryOptions());
+  EXPECT_THROW(recovery.process(frame, small), OptionError);
+  EXPECT_THROW(recovery.process(frame, cv::Mat(188, 620, CV_8UC3)), OptionError);
+  EXPECT_THROW(recovery.process(frame, cv::Mat(188, 620, CV_8U), small), OptionError);
   ScaleRecovery::Options narrow = recoveryOptions(), near = narrow;
   narrow.gpe.max_half_width_heights = 0.6;
   near.direct.max_ahead_heights = 1;

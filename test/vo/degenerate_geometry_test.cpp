@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <string>
 
@@ -35,23 +36,22 @@ struct Scene {
 
 /// Degenerate or extreme sets of 200 points.
 std::vector<Scene> degenerateScenes() {
-  constexpr int kPoints = 200;
-  std::vector<Scene> scenes{{"line across", {}}, {"line along the optical axis", {}},
-                            {"wall", {}},        {"all points coincide", {}},
-                            {"behind", {}},      {"far", {}},
-                            {"near", {}}};
-  for (int i = 0; i < kPoints; ++i) {
-    const double s = 0.01 * i - 1;
-    scenes[0].points.emplace_back(s, 0.2 * s, 10);
-    scenes[1].points.emplace_back(0, 0, 5 + i);
-    scenes[2].points.emplace_back(s, 0.3 * std::sin(7.0 * i), 12);
-    scenes[3].points.emplace_back(0.4, 0.1, 9);
-  }
-  for (const Eigen::Vector3d& p : randomPoints(kPoints, 3)) {
-    scenes[4].points.push_back(-p);
-    scenes[5].points.push_back(1e12 * p);
-    scenes[6].points.push_back(1e-12 * p);
-  }
+  using Point = Eigen::Vector3d;
+  const auto points = randomPoints(200, 3);
+  std::vector<Scene> scenes;
+  const auto add = [&](const char* name, const std::function<Point(int)>& point) {
+    scenes.push_back({name, {}});
+    for (int i = 0; i < 200; ++i) scenes.back().points.push_back(point(i));
+  };
+  const auto random = [&](int i) { return points[static_cast<std::size_t>(i)]; };
+  const auto across = [](int i) { return 0.01 * i - 1; };
+  add("line across", [&](int i) { return Point(across(i), 0.2 * across(i), 10); });
+  add("line along the optical axis", [](int i) { return Point(0, 0, 5 + i); });
+  add("wall", [&](int i) { return Point(across(i), 0.3 * std::sin(7.0 * i), 12); });
+  add("all points coincide", [](int) { return Point(0.4, 0.1, 9); });
+  add("behind", [&](int i) { return -random(i); });
+  add("far", [&](int i) { return 1e12 * random(i); });
+  add("near", [&](int i) { return 1e-12 * random(i); });
   return scenes;
 }
 
@@ -176,22 +176,20 @@ TEST(DegenerateGeometry, InvalidPredictionsAndWarpsGiveFiniteResultsOrNone) {
 }
 
 TEST(DegenerateGeometry, UnusablePointsAreDetected) {
-  TrackedFeature feature;
-  EXPECT_FALSE(hasUsablePoint(feature));
-  feature.has_point = true;
-  feature.p_c = {1, 2, 3};
-  feature.depth_sigma = 0.1f;
-  EXPECT_TRUE(hasUsablePoint(feature));
+  const auto isUsable = [](float x, float z, float depth_sigma) {
+    TrackedFeature feature;
+    feature.has_point = true;
+    feature.p_c = {x, 2, z};
+    feature.depth_sigma = depth_sigma;
+    return hasUsablePoint(feature);
+  };
+  EXPECT_FALSE(hasUsablePoint({}));
+  EXPECT_TRUE(isUsable(1, 3, 0.1f));
+  EXPECT_FALSE(isUsable(1, 0, 0.1f));
   for (const double number : {kNan, kInf, -kInf, 1e10, -1e30}) {
     const auto bad = static_cast<float>(number);
-    TrackedFeature bad_x = feature, bad_z = feature, bad_sigma = feature;
-    bad_x.p_c.x() = bad_z.p_c.z() = bad_sigma.depth_sigma = bad;
-    EXPECT_FALSE(hasUsablePoint(bad_x)) << number;
-    EXPECT_FALSE(hasUsablePoint(bad_z)) << number;
-    EXPECT_FALSE(hasUsablePoint(bad_sigma)) << number;
+    EXPECT_FALSE(isUsable(bad, 3, 0.1f) || isUsable(1, bad, 0.1f) || isUsable(1, 3, bad)) << bad;
   }
-  feature.p_c.z() = 0;
-  EXPECT_FALSE(hasUsablePoint(feature));
 }
 
 }  // namespace

@@ -1,15 +1,8 @@
 #include "ground_scale_vo/input/camera_file.hpp"
 
-#include <gtest/gtest.h>
-
-#include <string>
-#include <utility>
-#include <vector>
-
-#include "ground_scale_vo/common/error.hpp"
-#include "ground_scale_vo/input/image.hpp"
 #include "input/distortion_model.hpp"
 #include "support/temporary_folder.hpp"
+#include "support/test.hpp"
 
 namespace gsv {
 namespace {
@@ -18,15 +11,19 @@ using CameraFile = TemporaryFolder;
 
 const CameraCalibration kCamera{640, 480, 500.5, 501, 320.25, 240, {-0.3, 0.1, 1e-3, -2e-3, 0.01}};
 
+void expectIntrinsics(const CameraCalibration& camera, const PinholeCamera& expected) {
+  EXPECT_EQ(camera.width, expected.width);
+  EXPECT_EQ(camera.height, expected.height);
+  EXPECT_EQ(camera.fx, expected.fx);
+  EXPECT_EQ(camera.fy, expected.fy);
+  EXPECT_EQ(camera.cx, expected.cx);
+  EXPECT_EQ(camera.cy, expected.cy);
+}
+
 TEST_F(CameraFile, ReadsWhatItWrites) {
   const auto file = write("camera.yaml", cameraYaml(kCamera, "two\nlines"));
-  const CameraCalibration read = readCameraFile(file);
-  EXPECT_EQ(read.width, 640);
-  EXPECT_EQ(read.height, 480);
-  EXPECT_EQ(read.fx, 500.5);
-  EXPECT_EQ(read.fy, 501);
-  EXPECT_EQ(read.cx, 320.25);
-  EXPECT_EQ(read.cy, 240);
+  CameraCalibration read = readCameraFile(file);
+  expectIntrinsics(read, {640, 480, 500.5, 501, 320.25, 240});
   EXPECT_EQ(read.distortion, kCamera.distortion);
   EXPECT_FALSE(read.estimated);
   EXPECT_EQ(read.readout_time, 0);
@@ -36,10 +33,10 @@ TEST_F(CameraFile, ReadsWhatItWrites) {
   estimated.readout_time = 0.0213;
   std::string text = cameraYaml(estimated, "");
   text.replace(text.find("plumb_bob"), 9, "\"plumb_bob\"");
-  const CameraCalibration same = readCameraFile(write("camera.yaml", text));
-  EXPECT_TRUE(same.estimated);
-  EXPECT_EQ(same.k1_sigma, 0.0021);
-  EXPECT_EQ(same.readout_time, 0.0213);
+  read = readCameraFile(write("camera.yaml", text));
+  EXPECT_TRUE(read.estimated);
+  EXPECT_EQ(read.k1_sigma, 0.0021);
+  EXPECT_EQ(read.readout_time, 0.0213);
 }
 
 TEST_F(CameraFile, RefusesWhatIsNotACamera) {
@@ -62,8 +59,7 @@ TEST_F(CameraFile, RefusesWhatIsNotACamera) {
 TEST_F(CameraFile, ReadsTheFormatsOfOtherTools) {
   const std::string ros =
       "image_width: 640\nimage_height: 480\ncamera_name: cam\ncamera_matrix: {rows: 3, cols: 3, "
-      "data: "
-      "[500, 0, 310, 0, 510, 230, 0, 0, 1]}\n";
+      "data: [500, 0, 310, 0, 510, 230, 0, 0, 1]}\n";
   const std::string opencv =
       "%YAML:1.0\n---\nimage_width: 640\nimage_height: 480\nflags: 2\ncamera_matrix: "
       "!!opencv-matrix\n   rows: 3\n   cols: 3\n   dt: d\n   data: [ 500., 0., 310., 0., 510.,\n"
@@ -72,10 +68,8 @@ TEST_F(CameraFile, ReadsTheFormatsOfOtherTools) {
       "%YAML:1.0\n---\ncamera_name: camera\nimage_width: 640\nimage_height: 480\n";
   const std::string kalibr =
       "cam0:\n  cam_overlaps: []\n  camera_model: pinhole\n  distortion_coeffs: [-0.2, 0.05, "
-      "0.001, "
-      "-0.001]\n  intrinsics: [500, 510, 310, 230]\n  resolution: [640, 480]\n  T_cam_imu:\n  - "
-      "[1, "
-      "0, 0, 0]\n  - [0, 1, 0, 0]\n  rostopic: /cam0/image_raw\n";
+      "0.001, -0.001]\n  intrinsics: [500, 510, 310, 230]\n  resolution: [640, 480]\n  "
+      "T_cam_imu:\n  - [1, 0, 0, 0]\n  - [0, 1, 0, 0]\n  rostopic: /cam0/image_raw\n";
   const std::vector<double> D = {-0.2, 0.05, 0.001, -0.001};
   const struct {
     std::string text;
@@ -98,10 +92,9 @@ TEST_F(CameraFile, ReadsTheFormatsOfOtherTools) {
        "[ -2.0e-01, 5.0e-02, 1.0e-03, -1.0e-03 ]\navg_reprojection_error: 0.1\n"},
       {kalibr + "  distortion_model: radtan\n"},
       {kalibr + "  distortion_model: equidistant\n", true},
-      {"%YAML:1.0\n# EuRoC\nsensor_type: camera\nT_BS:\n  cols: 4\n  rows: 4\n  data: "
-       "[1]\nrate_hz: "
-       "20\nresolution: [640, 480]\ncamera_model: pinhole\nintrinsics: [500, 510, 310, 230]\n"
-       "distortion_model: radial-tangential\ndistortion_coefficients: [-0.2, 0.05, 0.001, "
+      {"%YAML:1.0\n# EuRoC\nsensor_type: camera\nT_BS:\n  cols: 4\n  rows: 4\n  data: [1]\n"
+       "rate_hz: 20\nresolution: [640, 480]\ncamera_model: pinhole\nintrinsics: [500, 510, 310, "
+       "230]\ndistortion_model: radial-tangential\ndistortion_coefficients: [-0.2, 0.05, 0.001, "
        "-0.001]\n"},
       {vins_size + "model_type: PINHOLE\ndistortion_parameters:\n   k1: -0.2\n   k2: 0.05\n   p1: "
                    "0.001\n   p2: -0.001\nprojection_parameters:\n   fx: 500\n   fy: 510\n   cx: "
@@ -124,12 +117,7 @@ TEST_F(CameraFile, ReadsTheFormatsOfOtherTools) {
   for (const auto& c : kCases) {
     SCOPED_TRACE(c.text);
     const CameraCalibration camera = readCameraFile(write("camera.yaml", c.text));
-    EXPECT_EQ(camera.fx, 500);
-    EXPECT_EQ(camera.fy, 510);
-    EXPECT_EQ(camera.cx, 310);
-    EXPECT_EQ(camera.cy, 230);
-    EXPECT_EQ(camera.width, c.has_size ? 640 : 0);
-    EXPECT_EQ(camera.height, c.has_size ? 480 : 0);
+    expectIntrinsics(camera, {c.has_size ? 640 : 0, c.has_size ? 480 : 0, 500, 510, 310, 230});
     EXPECT_EQ(camera.model->names.front() == "equidistant", c.is_fisheye);
     EXPECT_EQ(camera.distortion.size(), c.coefficients);
     for (std::size_t i = 0; i < D.size() && i < camera.distortion.size(); ++i) {
@@ -171,41 +159,23 @@ TEST_F(CameraFile, RefusesOtherModelsByName) {
 }
 
 TEST_F(CameraFile, ReadsKittiCalibrations) {
-  const CameraCalibration odometry = readCameraFile(
-      write("calib.txt", "P0: 500 0 310 0 0 510 230 0 0 0 1 0\nP1: 1 0 2 0 0 3 4 0 0 0 1 0\n"));
-  EXPECT_EQ(odometry.fy, 510);
-  EXPECT_FALSE(odometry.hasSize());
-  const CameraCalibration sized =
-      readCameraFile(write("calib.txt", "P0: 500 0 310 0 0 510 230 0 0 0 1 0\nS0: 640 480\n"));
-  EXPECT_EQ(sized.width, 640);
-  EXPECT_EQ(sized.height, 480);
-  const CameraCalibration virtual_kitti =
+  expectIntrinsics(
+      readCameraFile(
+          write("calib.txt", "P0: 500 0 310 0 0 510 230 0 0 0 1 0\nP1: 1 0 2 0 0 3 4 0 0 0 1 0\n")),
+      {0, 0, 500, 510, 310, 230});
+  expectIntrinsics(
+      readCameraFile(write("calib.txt", "P0: 500 0 310 0 0 510 230 0 0 0 1 0\nS0: 640 480\n")),
+      {640, 480, 500, 510, 310, 230});
+  expectIntrinsics(
       readCameraFile(write("intrinsic.txt",
                            "frame cameraID K[0,0] K[1,1] K[0,2] K[1,2]\n0 0 725 726 620.5 187\n"
-                           "0 1 7 7 6 1\n"));
-  EXPECT_EQ(virtual_kitti.fy, 726);
-  EXPECT_EQ(virtual_kitti.cx, 620.5);
+                           "0 1 7 7 6 1\n")),
+      {0, 0, 725, 726, 620.5, 187});
   const auto raw = write("calib_cam_to_cam.txt",
                          "S_00: 1392 512\nK_00: 900 0 690 0 910 230 0 0 1\nD_00: -0.3 0.1 0 0 0\n"
                          "S_rect_00: 1242 375\nP_rect_00: 700 0 600 45 0 710 180 0 0 0 1 0\n");
-  EXPECT_EQ(readCameraFile(raw).fx, 700);
-  EXPECT_EQ(readCameraFile(raw).width, 1242);
-  EXPECT_EQ(readKittiRawCamera(raw, "00", false).fx, 900);
-  EXPECT_EQ(readKittiRawCamera(raw, "00", false).height, 512);
-}
-
-TEST(Undistortion, KeepsImagesWithoutDistortionAndMasksTheBorder) {
-  CameraCalibration camera = kCamera;
-  camera.distortion.assign(5, 0.0);
-  const cv::Mat image(480, 640, CV_8U, cv::Scalar(7));
-  EXPECT_EQ(Undistortion(camera).image(image).grey.data, image.data);
-  EXPECT_TRUE(Undistortion(camera).mask().empty());
-  camera.distortion[0] = 0.05;  // pincushion: the corners come from outside
-  const Undistortion undistortion(camera);
-  EXPECT_EQ(undistortion.mask().at<uchar>(0, 0), 0);
-  EXPECT_EQ(undistortion.mask().at<uchar>(240, 320), 255);
-  EXPECT_EQ(undistortion.image(image).grey.at<uchar>(240, 320), 7);
-  EXPECT_THROW(undistortion.image(image.rowRange(0, 100)), OptionError);
+  expectIntrinsics(readCameraFile(raw), {1242, 375, 700, 710, 600, 180});
+  expectIntrinsics(readKittiRawCamera(raw, "00", false), {1392, 512, 900, 910, 690, 230});
 }
 
 }  // namespace

@@ -1,15 +1,9 @@
 #include "input/camera_info.hpp"
 
-#include <gtest/gtest.h>
-
-#include <cmath>
 #include <opencv2/calib3d.hpp>
-#include <string>
-#include <vector>
 
-#include "ground_scale_vo/common/error.hpp"
 #include "support/camera_info.hpp"
-#include "support/expect_throws.hpp"
+#include "support/test.hpp"
 
 namespace gsv {
 namespace {
@@ -23,10 +17,7 @@ CameraInfo rawCamera(const std::vector<double>& D, double alpha = 0) {
   info.D = D;
   const cv::Matx33d P =
       cv::getOptimalNewCameraMatrix(cv::Matx33d(info.K.data()), D, cv::Size(640, 480), alpha);
-  info.P[0] = P(0, 0);
-  info.P[5] = P(1, 1);
-  info.P[2] = P(0, 2);
-  info.P[6] = P(1, 2);
+  info.P = {P(0, 0), 0, P(0, 2), 0, 0, P(1, 1), P(1, 2), 0, 0, 0, 1, 0};
   return info;
 }
 
@@ -76,7 +67,7 @@ CameraInfo ofStereoPair(double direction) {
   return info;
 }
 
-enum class Contradiction { kNone, kPossible, kCertain };
+enum Contradiction { kNone, kPossible, kCertain };
 
 TEST(CameraInfo, WithoutASizeHasThatOfTheImages) {
   CameraInfo info = rawCamera(kBarrel);
@@ -86,17 +77,13 @@ TEST(CameraInfo, WithoutASizeHasThatOfTheImages) {
   EXPECT_EQ(camera.distortion, kBarrel);
   EXPECT_EQ(rectificationContradiction(info, false, "/image").reason, "");
   EXPECT_EQ(checkCalibration(camera, "/info", {640, 480}), "");
-  expectThrows<DataError>(
-      [&] {
-        checkCalibration(camera, "/info", {640, 400});
-      },
-      "/info states no image size, and its principal point (320, 240) is not "
-      "near the centre of images of 640x400");
+  const cv::Size other(640, 400);
+  expectThrows<DataError>([&] { checkCalibration(camera, "/info", other); },
+                          "/info states no image size, and its principal point (320, 240) is not "
+                          "near the centre of images of 640x400");
 }
 
 TEST(RectificationCheck, FindsRawImagesTakenForRectifiedAndTheConverse) {
-  constexpr auto kNone = Contradiction::kNone, kPossible = Contradiction::kPossible,
-                 kCertain = Contradiction::kCertain;
   CameraInfo only_P = kittiRaw(), invalid_R = rawCamera(kBarrel);
   only_P.K.fill(0);
   invalid_R.R.fill(7);

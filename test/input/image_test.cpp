@@ -3,18 +3,10 @@
 
 #include "ground_scale_vo/input/image.hpp"
 
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <cstdint>
-#include <limits>
 #include <opencv2/imgcodecs.hpp>
-#include <string>
-#include <vector>
 
-#include "ground_scale_vo/common/error.hpp"
-#include "support/expect_throws.hpp"
 #include "support/temporary_folder.hpp"
+#include "support/test.hpp"
 
 namespace gsv {
 namespace {
@@ -179,20 +171,15 @@ TEST(GreyConverter, TheRangeOfSixteenBitsGrowsAtOnceAndShrinksAfterManyDarkImage
   EXPECT_EQ(greyOf(&converter, 10), 10);  // not below 8 bits
 }
 
-void expectRefused(const TestImage& image, const std::string& reason) {
-  expectThrows<DataError>([&] { GreyConverter().convert(image.raw()); }, reason);
-}
-
-TEST(GreyConverter, RefusesUnsupportedEncodings) {
+TEST(GreyConverter, RefusesEncodingsAndSizesThatDoNotFit) {
+  const auto expectRefused = [](const TestImage& image, const std::string& reason) {
+    expectThrows<DataError>([&] { GreyConverter().convert(image.raw()); }, reason);
+  };
   for (const std::string encoding :
        {"", "jpeg", "mono8 ", "8UC2", "8UC1000000000", "16SC1", "32FC1", "bayer_rggb", "nv16"}) {
     expectRefused(plainImage(encoding, 4, 2, 4, 8),
                   "the encoding \"" + encoding + "\" cannot be converted to grey");
   }
-}
-
-TEST(GreyConverter, RefusesSizesThatDoNotFit) {
-  constexpr auto kMaxUint32 = std::numeric_limits<std::uint32_t>::max();
   const struct {
     const char* encoding;
     std::uint32_t width, height, step;
@@ -227,50 +214,35 @@ const std::string kPng =
 const std::string kJpeg = "\xff\xd8\xff\xe0\0\x04JF\xff\xc0\0\x0b\x08\0\x03\x01\x02\x01\xff\xd9"s;
 
 TEST(EncodedImage, IsDecodedOnlyIfItIsWhole) {
-  const auto refusal = [](const std::string& image) -> std::string {
-    try {
-      decodePixels(image);
-    } catch (const DataError& error) {
-      return error.what();
-    }
-    return "";
-  };
-  EXPECT_EQ(refusal(kPng), "cannot be decoded as an image");
-  EXPECT_EQ(refusal(kPng + "\0\0\0"s), "cannot be decoded as an image") << "padded: MJPEG";
-  EXPECT_EQ(refusal(kPng.substr(0, kPng.size() - 1)), "is not a whole PNG or JPEG image");
-  EXPECT_EQ(refusal(kPng.substr(0, kPng.size() / 2)), "is not a whole PNG or JPEG image");
-  EXPECT_EQ(refusal(kJpeg.substr(1)), "is not a whole PNG or JPEG image");
-  // OpenCV 4.6 decodes the beginning of a truncated JPEG and only prints a warning.
-  EXPECT_EQ(refusal(kJpeg.substr(0, kJpeg.size() - 1)), "is not a whole PNG or JPEG image");
-  EXPECT_EQ(refusal(""), "is not a whole PNG or JPEG image");
   std::string huge = kPng;
   huge[16] = huge[20] = '\x7f';  // the most significant bytes of width and height
-  EXPECT_EQ(refusal(huge), "cannot be decoded as an image");
+  for (const std::string& whole : {kPng, kPng + "\0\0\0"s /* padded: MJPEG */, huge}) {
+    expectThrows<DataError>([&] { decodePixels(whole); }, "cannot be decoded as an image");
+  }
+  // OpenCV 4.6 decodes the beginning of a truncated JPEG and only prints a warning.
+  for (const std::string& part : {kPng.substr(0, kPng.size() - 1), kPng.substr(0, kPng.size() / 2),
+                                  kJpeg.substr(1), kJpeg.substr(0, kJpeg.size() - 1), ""s}) {
+    expectThrows<DataError>([&] { decodePixels(part); }, "is not a whole PNG or JPEG image");
+  }
 }
 
 using ImageFile = TemporaryFolder;
 
-/// The bytes of a JPEG file whose EXIF orientation says that a viewer should turn the image.
-std::string jpegToBeTurned(const cv::Mat& image) {
-  std::vector<unsigned char> bytes;
-  cv::imencode(".jpg", image, bytes);
-  const std::string exif(
-      "\xff\xe1\x00\x22"                                   // APP1, 34 bytes
-      "Exif\0\0MM\0\x2a\0\0\0\x08"                         // big-endian TIFF, first table at 8
-      "\0\x01\x01\x12\0\x03\0\0\0\x01\0\x06\0\0\0\0\0\0",  // one entry: orientation 6
-      36);
-  std::string jpeg(bytes.begin(), bytes.end());
-  return jpeg.insert(2, exif);
-}
+/// The EXIF orientation that says that a viewer should turn a JPEG image.
+const std::string kTurn =
+    "\xff\xe1\x00\x22"s                                   // APP1, 34 bytes
+    "Exif\0\0MM\0\x2a\0\0\0\x08"s                         // big-endian TIFF, first table at 8
+    "\0\x01\x01\x12\0\x03\0\0\0\x01\0\x06\0\0\0\0\0\0"s;  // one entry: orientation 6
 
 // The calibration is that of the sensor.
 TEST_F(ImageFile, IsNotTurnedByItsOrientation) {
   cv::Mat image(16, 32, CV_8UC1, cv::Scalar(40));
   image.colRange(0, 16) = 200;
-  const std::string jpeg = jpegToBeTurned(image);
-  const cv::Mat buffer(1, static_cast<int>(jpeg.size()), CV_8UC1, const_cast<char*>(jpeg.data()));
-  ASSERT_EQ(cv::imdecode(buffer, cv::IMREAD_GRAYSCALE).size(), cv::Size(16, 32));
-  const cv::Mat read = readGreyImage(write("turned.jpg", jpeg));
+  std::vector<unsigned char> jpeg;
+  cv::imencode(".jpg", image, jpeg);
+  jpeg.insert(jpeg.begin() + 2, kTurn.begin(), kTurn.end());
+  ASSERT_EQ(cv::imdecode(jpeg, cv::IMREAD_GRAYSCALE).size(), cv::Size(16, 32));
+  const cv::Mat read = readGreyImage(write("turned.jpg", {jpeg.begin(), jpeg.end()}));
   ASSERT_EQ(read.size(), image.size());
   EXPECT_LT(cv::norm(read, image, cv::NORM_INF), 5);
 }

@@ -1,19 +1,11 @@
 // camera_info: the intrinsics taken from it, the rectification by it, and what is refused.
 
-#include <gtest/gtest.h>
-
-#include <cstdint>
-#include <functional>
-#include <limits>
 #include <opencv2/calib3d.hpp>
-#include <string>
-#include <vector>
 
-#include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/input/image.hpp"
 #include "input/camera_info.hpp"
 #include "support/camera_info.hpp"
-#include "support/expect_throws.hpp"
+#include "support/test.hpp"
 
 namespace gsv {
 namespace {
@@ -128,16 +120,14 @@ TEST(Rectification, FollowsEveryDistortionModelWithRoiAndBinning) {
   for (const auto& distortion : kDistortions) {
     SCOPED_TRACE(std::string(distortion.model) + " " + std::to_string(distortion.D.size()));
     // Images of less than 256 x 256 pixels, whose coordinates fit a grey value.
-    Info info;
-    info.distortion_model = distortion.model;
-    info.D = distortion.D;
-    info.width = 250;
-    info.height = 120;
-    info.K = {130, 0, 121, 0, 133, 63, 0, 0, 1};
-    expectRectified(info, 1);
-    info.width = 500;
-    info.height = 240;
-    info.K = {260, 0, 242, 0, 266, 126, 0, 0, 1};
+    const auto infoOf = [&](const PinholeCamera& camera) {
+      Info info = cameraInfo(camera);
+      info.distortion_model = distortion.model;
+      info.D = distortion.D;
+      return info;
+    };
+    expectRectified(infoOf({250, 120, 130, 133, 121, 63}), 1);
+    Info info = infoOf({500, 240, 260, 266, 242, 126});
     info.binning_x = info.binning_y = 2;
     expectRectified(info, 2);
     setRoi(&info, 100, 40, 301, 160);
@@ -155,6 +145,14 @@ CameraCalibration wideCamera(double k1) {
   Info info = cameraInfo({800, 248, 464, 464, 400, 119});
   info.D[0] = k1;
   return cameraOf(info);
+}
+
+TEST(Rectification, KeepsImagesWithoutDistortionAndRefusesThoseOfAnotherSize) {
+  const cv::Mat image(248, 800, CV_8UC1, cv::Scalar(7));
+  const Undistortion undistortion(wideCamera(0));
+  EXPECT_EQ(undistortion.image(image).grey.data, image.data);
+  EXPECT_TRUE(undistortion.mask().empty());
+  EXPECT_THROW(Undistortion(wideCamera(0.1)).image(image.rowRange(0, 100)), OptionError);
 }
 
 // Wherever the image's content comes, even in part, from a masked pixel or from outside the image.
@@ -176,16 +174,13 @@ TEST(Rectification, OfAMaskCoversAllThatDependsOnIt) {
 }
 
 TEST(CameraInfo, RefusesInvalidCalibrationsAndNamesTopicAndReason) {
-  constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-  constexpr double kInf = std::numeric_limits<double>::infinity();
-  constexpr auto kMaxUint32 = std::numeric_limits<std::uint32_t>::max();
   const struct {
     std::function<void(Info*)> change;  ///< makes goodInfo() invalid
     const char* reason;
     bool is_rectified = false;
   } kCases[] = {
       {[](Info* i) { i->K[0] = kNan; }, "not finite"},
-      {[](Info* i) { i->D[4] = kInf; }, "not finite"},
+      {[](Info* i) { i->D[4] = kInfinity; }, "not finite"},
       {[](Info* i) { i->R[8] = kNan; }, "not finite"},
       {[](Info* i) { i->K.fill(0), i->P.fill(0); }, "all zeros: the camera is not calibrated"},
       {[](Info* i) { i->P.fill(0); }, "has no P, which image_is_rectified requires", true},

@@ -2,16 +2,7 @@
 
 #include "ground_scale_vo/io/drive_reader.hpp"
 
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <memory>
-#include <string>
-#include <utility>
-#include <vector>
-
-#include "ground_scale_vo/common/error.hpp"
-#include "support/expect_throws.hpp"
+#include "support/test.hpp"
 
 namespace gsv {
 namespace {
@@ -66,72 +57,65 @@ std::vector<double> read(DriveReader* drive) {
 
 constexpr double kBroken = NAN;
 
-TEST(DriveReader, GivesEveryImageInOrder) {
-  DriveReader drive = reader({0, 0.1, 0.2});
-  EXPECT_EQ(read(&drive), (std::vector<double>{0, 0.1, 0.2}));
-  EXPECT_EQ(drive.camera().width, 8);  // of the images
-  EXPECT_TRUE(drive.warnings().empty());
-  EXPECT_EQ(drive.failure(), "");
-  DriveReader single = reader({3});
-  EXPECT_EQ(read(&single), (std::vector<double>{3}));
-}
-
-TEST(DriveReader, AWrongStampCostsOneImage) {
-  for (const double wrong : {500.0, 0.7, 0.1, 0.05}) {
-    DriveReader drive = reader({0, 0.1, wrong, 0.3, 0.4});
-    EXPECT_EQ(read(&drive), (std::vector<double>{0, 0.1, -1, 0.3, 0.4})) << wrong;
-    ASSERT_EQ(drive.warnings().size(), 1u);
-    EXPECT_EQ(drive.warnings()[0].find("1 of 5 images have a stamp that does not continue"), 0u);
-    EXPECT_EQ(drive.failure(), "");
+TEST(DriveReader, UsesTheImagesAndSaysWhatIsWrong) {
+  const std::string wrong_stamp = "have a stamp that does not continue the others and are not used";
+  const struct {
+    std::vector<double> stamps, used;
+    std::string warning = {}, failure = {};  ///< how they begin; empty: there is none
+    std::size_t declared = 0;
+    double fps = 0;
+  } kCases[] = {
+      {{0, 0.1, 0.2}, {0, 0.1, 0.2}},
+      {{3}, {3}},
+      {{0, 0.1, 60, 60.1}, {0, 0.1, 60, 60.1}},
+      {{0, 0, 0}, {0, 0.05, 0.1}, {}, {}, 3, 20},
+      // A wrong stamp costs one image.
+      {{0, 0.1, 500, 0.3, 0.4}, {0, 0.1, -1, 0.3, 0.4}, "1 of 5 images " + wrong_stamp},
+      {{0, 0.1, 0.7, 0.3, 0.4}, {0, 0.1, -1, 0.3, 0.4}, "1 of 5 images " + wrong_stamp},
+      {{0, 0.1, 0.1, 0.3, 0.4}, {0, 0.1, -1, 0.3, 0.4}, "1 of 5 images " + wrong_stamp},
+      {{0, 0.1, 0.05, 0.3, 0.4}, {0, 0.1, -1, 0.3, 0.4}, "1 of 5 images " + wrong_stamp},
+      {{500, 10, 10.1, 10.2}, {-1, 10, 10.1, 10.2}, "1 of 4 images " + wrong_stamp},
+      {{10, 10.1, 10.2, 500}, {10, 10.1, 10.2, -1}, "1 of 4 images " + wrong_stamp},
+      // Joined drives continue after the usual interval.
+      {{100, 100.5, 101, 0, 0.5, 1},
+       {100, 100.5, 101, 101.5, 102, 102.5},
+       "the stamps start again 1 time"},
+      // At most a quarter is left out.
+      {{0, 0, 0.1, 0.2, 0.3, 0.3, 0.4, 0.5},
+       {0, -1, 0.1, 0.2, 0.3, -1, 0.4, 0.5},
+       "2 of 8 images " + wrong_stamp},
+      {{0, 0, 0.1, 0.2, 0.2, 0.3},
+       {0, -1, 0.1, 0.2, -1, 0.3},
+       "2 of 6 images " + wrong_stamp,
+       "only 4 of 6 images could be used; "},
+      {{10, 10, 10, 10, 10.1, 10.05},
+       {10, -1, -1, -1, 10.1, -1},
+       "4 of 6 images " + wrong_stamp,
+       "only 2 of 6 images could be used; "},
+      {{kBroken, 0, kBroken, 0.2, 0.3},
+       {-1, 0, -1, 0.2, 0.3},
+       "2 of 5 images cannot be decoded and are not used, the first one because broken",
+       "drive is damaged: 2 of 5 images cannot be decoded"},
+      {{0, 0.1, 0.2}, {0, 0.1, 0.2}, {}, "drive ends early: only 3 of 10 images can be read", 10},
+      {{0, 0.1, kUnreadable, 0.3}, {0, 0.1}, {}, "cannot be read to its end; 2 of 4 images were"},
+  };
+  for (const auto& c : kCases) {
+    SCOPED_TRACE(testing::PrintToString(c.stamps));
+    DriveReader drive = reader(c.stamps, c.declared, c.fps);
+    EXPECT_EQ(read(&drive), c.used);
+    EXPECT_EQ(drive.camera().width, 8);  // of the images
+    const auto warnings = drive.warnings();
+    EXPECT_EQ(warnings.size(), c.warning.empty() ? 0u : 1u);
+    for (const std::string& warning : warnings) EXPECT_EQ(warning.find(c.warning), 0u) << warning;
+    EXPECT_EQ(drive.failure().substr(0, std::max<std::size_t>(c.failure.size(), 1)), c.failure);
   }
-  DriveReader first = reader({500, 10, 10.1, 10.2});
-  EXPECT_EQ(read(&first), (std::vector<double>{-1, 10, 10.1, 10.2}));
-  DriveReader last = reader({10, 10.1, 10.2, 500});
-  EXPECT_EQ(read(&last), (std::vector<double>{10, 10.1, 10.2, -1}));
 }
 
-TEST(DriveReader, JoinedDrivesContinueAfterTheUsualInterval) {
-  DriveReader drive = reader({100, 100.5, 101, 0, 0.5, 1});
-  EXPECT_EQ(read(&drive), (std::vector<double>{100, 100.5, 101, 101.5, 102, 102.5}));
-  ASSERT_EQ(drive.warnings().size(), 1u);
-  EXPECT_EQ(drive.warnings()[0].find("the stamps start again 1 time"), 0u);
-  DriveReader pause = reader({0, 0.1, 60, 60.1});
-  EXPECT_EQ(read(&pause), (std::vector<double>{0, 0.1, 60, 60.1}));
-}
-
-TEST(DriveReader, RefusesStampsThatDoNotIncreaseUnlessTheRateIsGiven) {
+TEST(DriveReader, RefusesADriveWithoutUsableStampsOrImages) {
   for (const std::size_t images : {3u, 100u}) {
     DriveReader drive = reader(std::vector<double>(images, 0.0));
     expectThrows<DataError>([&] { read(&drive); }, "have no usable stamps (the stamp 0.000000000");
   }
-  DriveReader drive = reader({0, 0, 0}, 3, 20);
-  EXPECT_EQ(read(&drive), (std::vector<double>{0, 0.05, 0.1}));
-}
-
-TEST(DriveReader, LeavesOutAtMostAQuarter) {
-  DriveReader quarter = reader({0, 0, 0.1, 0.2, 0.3, 0.3, 0.4, 0.5});
-  read(&quarter);
-  EXPECT_EQ(quarter.failure(), "");
-  DriveReader more = reader({0, 0, 0.1, 0.2, 0.2, 0.3});
-  read(&more);
-  EXPECT_EQ(more.failure().find("only 4 of 6 images could be used; "), 0u);
-}
-
-TEST(DriveReader, ReportsWhatIsMissingOrDamaged) {
-  DriveReader damaged = reader({kBroken, 0, kBroken, 0.2, 0.3});
-  EXPECT_EQ(read(&damaged), (std::vector<double>{-1, 0, -1, 0.2, 0.3}));
-  EXPECT_EQ(damaged.warnings().at(0),
-            "2 of 5 images cannot be decoded and are not used, the first one because broken");
-  EXPECT_EQ(damaged.failure(), "drive is damaged: 2 of 5 images cannot be decoded");
-  DriveReader part = reader({0, 0.1, 0.2}, 10);
-  read(&part);
-  EXPECT_EQ(part.failure(), "drive ends early: only 3 of 10 images can be read");
-  DriveReader cut = reader({0, 0.1, kUnreadable, 0.3});
-  EXPECT_EQ(read(&cut), (std::vector<double>{0, 0.1}));
-  EXPECT_EQ(cut.failure(), "cannot be read to its end; 2 of 4 images were read");
-  DriveReader few = reader({10, 10, 10, 10, 10.1, 10.05});
-  read(&few);
-  EXPECT_EQ(few.failure().find("only 2 of 6 images could be used; "), 0u);
   expectThrows<DataError>([&] { reader({kBroken}); },
                           "drive: has no image that can be decoded: broken");
 }
@@ -146,26 +130,19 @@ TEST(DriveReader, RefusesTheCalibrationOfAnotherSize) {
     DriveReader(std::make_unique<Images>(std::vector<double>{0}, 1, CV_8UC1),
                 {calibration, "camera.yaml"}, {});
   };
-  expectThrows<DataError>(
-      [&] {
-        open({16, 12, 10, 10, 8, 6});
-      },
-      "the images are 8x6, but camera.yaml describes 16x12: are the images "
-      "binned by 2?");
-  expectThrows<DataError>([&] { open({6, 8, 10, 10, 3, 4}); }, "turned alike");
-  expectThrows<DataError>(
-      [&] {
-        CameraCalibration binned{4, 3, 5, 5, 2, 1.5};
-        binned.binning = {2, 2};
-        open(binned);
-      },
-      "camera.yaml describes 4x3 with its binning of 2x2: if the calibration is of the binned");
-  expectThrows<DataError>(
-      [&] {
-        open({0, 0, 10, 10, 8, 6});
-      },
-      "camera.yaml is of another image size: its principal point (8, 6)");
-  expectThrows<DataError>([&] { open({8, 6, 6, 6, 2, 1.4}); }, "images of about 5x4");
+  CameraCalibration binned{4, 3, 5, 5, 2, 1.5};
+  binned.binning = {2, 2};
+  const std::pair<CameraCalibration, const char*> kCases[] = {
+      {{16, 12, 10, 10, 8, 6},
+       "the images are 8x6, but camera.yaml describes 16x12: are the images binned by 2?"},
+      {{6, 8, 10, 10, 3, 4}, "turned alike"},
+      {binned,
+       "camera.yaml describes 4x3 with its binning of 2x2: if the calibration is of the binned"},
+      {{0, 0, 10, 10, 8, 6}, "camera.yaml is of another image size: its principal point (8, 6)"},
+      {{8, 6, 6, 6, 2, 1.4}, "images of about 5x4"}};
+  for (const auto& [calibration, reason] : kCases) {
+    expectThrows<DataError>([&, camera = calibration] { open(camera); }, reason);
+  }
   open({8, 6, 10, 10, 2, 1.4});  // a tele lens in small images, so rather a part of larger ones
 }
 

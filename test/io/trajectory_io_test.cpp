@@ -1,9 +1,8 @@
 #include "ground_scale_vo/io/trajectory_io.hpp"
 
-#include <gtest/gtest.h>
-
 #include "common/files.hpp"
 #include "support/temporary_folder.hpp"
+#include "support/test.hpp"
 
 namespace gsv {
 namespace {

@@ -1,11 +1,6 @@
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <random>
-
-#include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/evaluation/metrics.hpp"
 #include "scripted_run.hpp"
+#include "support/test.hpp"
 
 namespace gsv {
 namespace {
@@ -19,13 +14,16 @@ Eigen::Isometry3d rotated(Eigen::Isometry3d T, const Eigen::Vector3d& w) {
 
 /// A drive along z with curves, and a simulated odometry whose errors have the published
 /// covariance.
-class SimulatedRun {
- public:
+struct SimulatedRun {
   /// A metre per pose. excess: factor of the errors over the published standard deviations.
   /// frames_per_pose: more than one with a standstill after each metre.
-  SimulatedRun(unsigned seed, int poses, double excess = 1, int frames_per_pose = 1)
-      : random_(seed) {
+  SimulatedRun(unsigned seed, int poses, double excess = 1, int frames_per_pose = 1) {
     constexpr double kPosition = 0.02, kRotation = 0.002;
+    std::mt19937 random(seed);
+    const auto normal = [&](double sigma) -> Eigen::Vector3d {
+      std::normal_distribution<double> distribution(0, sigma);
+      return {distribution(random), distribution(random), distribution(random)};
+    };
     Eigen::Isometry3d truth = Eigen::Isometry3d::Identity(), estimate = truth;
     Matrix6d P = Matrix6d::Zero();
     for (int i = 0; i < poses; ++i) {
@@ -47,61 +45,46 @@ class SimulatedRun {
         P.diagonal().tail<3>().array() += kRotation * kRotation;
       }
       for (int k = 0; k < frames_per_pose; ++k) {
-        appendFrame(&record_, Eigen::Isometry3d::Identity(), estimate, P);
-        truth_.push_back(truth);
+        appendFrame(&record, Eigen::Isometry3d::Identity(), estimate, P);
+        truth_poses.push_back(truth);
       }
     }
   }
 
-  const RunRecord& record() const { return record_; }
-  const Poses& truth() const { return truth_; }
+  CovarianceMetrics metrics() const { return computeCovarianceMetrics(record, truth_poses); }
 
- private:
-  Eigen::Vector3d normal(double sigma) {
-    std::normal_distribution<double> distribution(0, sigma);
-    return {distribution(random_), distribution(random_), distribution(random_)};
-  }
-  std::mt19937 random_;
-  RunRecord record_;
-  Poses truth_;
+  RunRecord record;
+  Poses truth_poses;
 };
 
-/// Means over many runs.
-CovarianceMetrics::Length mean(std::size_t length, double excess) {
+// Of a consistent and an overconfident covariance; means over many runs.
+TEST(CovarianceMetrics, TheNeesIsTheSquareOfTheExcessOfTheErrors) {
   constexpr int kRuns = 40;
-  CovarianceMetrics::Length sum;
-  for (unsigned seed = 0; seed < kRuns; ++seed) {
-    const SimulatedRun run(seed, 130, excess);
-    const CovarianceMetrics metrics = computeCovarianceMetrics(run.record(), run.truth());
-    EXPECT_EQ(metrics.by_length.size(), 3u);
-    if (metrics.by_length.size() != 3) return sum;
-    sum.length_m = metrics.by_length[length].length_m;
-    sum.nees_per_dof += metrics.by_length[length].nees_per_dof / kRuns;
-    sum.within_2_sigma += metrics.by_length[length].within_2_sigma / kRuns;
+  for (const double excess : {1.0, 2.0}) {
+    CovarianceMetrics::Length sums[3];
+    for (unsigned seed = 0; seed < kRuns; ++seed) {
+      const auto by_length = SimulatedRun(seed, 130, excess).metrics().by_length;
+      ASSERT_EQ(by_length.size(), 3u);
+      for (std::size_t i = 0; i < 3; ++i) {
+        EXPECT_EQ(by_length[i].length_m, (std::vector<double>{10, 50, 100})[i]);
+        sums[i].nees_per_dof += by_length[i].nees_per_dof / kRuns;
+        sums[i].within_2_sigma += by_length[i].within_2_sigma / kRuns;
+      }
+    }
+    EXPECT_NEAR(sums[0].nees_per_dof, excess * excess, 0.1 * excess * excess);
+    EXPECT_LT(sums[0].within_2_sigma, excess == 1 ? 0.974 : 0.8);
+    for (const auto& sum : sums) {
+      if (excess > 1) continue;
+      EXPECT_NEAR(sum.nees_per_dof, 1, 0.1);
+      EXPECT_NEAR(sum.within_2_sigma, 0.954, 0.02);
+    }
   }
-  return sum;
-}
-
-TEST(CovarianceMetrics, AConsistentCovarianceHasANeesOfOne) {
-  for (const std::size_t length : {0u, 1u, 2u}) {
-    const CovarianceMetrics::Length result = mean(length, 1);
-    EXPECT_EQ(result.length_m, std::vector<double>({10, 50, 100})[length]);
-    EXPECT_NEAR(result.nees_per_dof, 1, 0.1) << result.length_m;
-    EXPECT_NEAR(result.within_2_sigma, 0.954, 0.02) << result.length_m;
-  }
-}
-
-TEST(CovarianceMetrics, AnOverconfidentCovarianceHasALargerNees) {
-  const CovarianceMetrics::Length result = mean(0, 2);
-  EXPECT_NEAR(result.nees_per_dof, 4, 0.4);
-  EXPECT_LT(result.within_2_sigma, 0.8);
 }
 
 TEST(CovarianceMetrics, HasTheLengthsThatTheDriveCovers) {
   // A standstill after each metre adds no segments.
   for (const int frames_per_pose : {1, 5}) {
-    const SimulatedRun run(1, 60, 1, frames_per_pose);
-    const CovarianceMetrics metrics = computeCovarianceMetrics(run.record(), run.truth());
+    const CovarianceMetrics metrics = SimulatedRun(1, 60, 1, frames_per_pose).metrics();
     ASSERT_EQ(metrics.by_length.size(), 2u);
     EXPECT_EQ(metrics.by_length[0].length_m, 10);
     EXPECT_EQ(metrics.by_length[0].segments, 49);  // the end is farther than 10 m
@@ -129,17 +112,15 @@ TEST(RelativePoseError, AnEarlierErrorOfTheHeadingIsNoErrorOfTheMotion) {
   const SimulatedRun run(1, 3);
   const Eigen::Isometry3d turned = rotated(Eigen::Isometry3d::Identity(), {0.1, 0.2, 0.3});
   Poses truth;
-  for (const RunFrame& frame : run.record().frames()) truth.push_back(turned * frame.T_o_c);
-  EXPECT_LT(relativePoseError(run.record(), truth, 1, 2).error.norm(), 1e-12);
+  for (const RunFrame& frame : run.record.frames()) truth.push_back(turned * frame.T_o_c);
+  EXPECT_LT(relativePoseError(run.record, truth, 1, 2).error.norm(), 1e-12);
 }
 
-/// Of a step of 1 m along the optical axis, whose earlier and later pose have these variances on
-/// the diagonal, and the heading yaw.
-Matrix6d relativeCovariance(double earlier, double later, double yaw = 0,
-                            const GroundTruthAccuracy& accuracy = {}) {
+/// Of a step of 1 m along the optical axis, with the heading yaw.
+Matrix6d relativeCovariance(double yaw, const GroundTruthAccuracy& accuracy) {
   RunRecord record;
   Poses truth;
-  for (const double variance : {earlier, later}) {
+  for (const double variance : {0.01, 1.0}) {
     Eigen::Isometry3d T(Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitY()));
     T.translate(static_cast<double>(truth.size()) * Eigen::Vector3d::UnitZ());
     truth.push_back(T);
@@ -148,30 +129,23 @@ Matrix6d relativeCovariance(double earlier, double later, double yaw = 0,
   return relativePoseError(record, truth, 0, 1, accuracy).covariance;
 }
 
-// An error of the orientation of the ground truth moves the later position across the motion.
-TEST(RelativePoseError, CovarianceOfTheGroundTruthIsInTheAxesOfTheOdometry) {
-  const auto covariance = [](double yaw, double rotation_sigma) {
-    return relativeCovariance(0.01, 1, yaw, {0, rotation_sigma, 0});
-  };
-  const auto ofGroundTruth = [&](double yaw) {
-    return Eigen::Vector3d((covariance(yaw, 0.1) - covariance(yaw, 0)).diagonal().head<3>());
-  };
-  EXPECT_LT((ofGroundTruth(0) - Eigen::Vector3d(0.01, 0.01, 0)).norm(), 1e-12);
-  EXPECT_LT((ofGroundTruth(M_PI / 2) - Eigen::Vector3d(0, 0.01, 0.01)).norm(), 1e-12);
-}
-
+// Of both poses, in the axes of the odometry: an error of the orientation of the first one moves
+// the later position across the step.
 TEST(RelativePoseError, ContainsTheCovarianceOfTheGroundTruth) {
-  const auto expectAdded = [](const GroundTruthAccuracy& accuracy, const Vector6d& variances) {
-    const Matrix6d added = relativeCovariance(0.01, 1, 0, accuracy) - relativeCovariance(0.01, 1);
-    EXPECT_LT((added.diagonal() - variances).norm(), 1e-12) << added;
-  };
-  Vector6d position, rotation, alignment;
-  position << 0.02, 0.02, 0.02, 0, 0, 0;        // of both poses
-  rotation << 0.01, 0.01, 0, 0.02, 0.02, 0.02;  // of the first one, across the step; of both
-  alignment << 0.01, 0.01, 0, 0, 0, 0;
-  expectAdded({0.1, 0, 0}, position);
-  expectAdded({0, 0.1, 0}, rotation);
-  expectAdded({0, 0, 0.1}, alignment);
+  const struct {
+    double yaw;
+    GroundTruthAccuracy accuracy;
+    std::array<double, 6> variances;
+  } kCases[] = {{0, {0.1, 0, 0}, {0.02, 0.02, 0.02, 0, 0, 0}},
+                {0, {0, 0.1, 0}, {0.01, 0.01, 0, 0.02, 0.02, 0.02}},
+                {M_PI / 2, {0, 0.1, 0}, {0, 0.01, 0.01, 0.02, 0.02, 0.02}},
+                {0, {0, 0, 0.1}, {0.01, 0.01, 0, 0, 0, 0}}};
+  for (const auto& c : kCases) {
+    const Matrix6d added =
+        relativeCovariance(c.yaw, c.accuracy) - relativeCovariance(c.yaw, GroundTruthAccuracy());
+    const Eigen::Map<const Vector6d> expected(c.variances.data());
+    EXPECT_LT((added.diagonal() - expected).norm(), 1e-12) << added;
+  }
 }
 
 }  // namespace

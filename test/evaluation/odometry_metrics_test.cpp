@@ -1,9 +1,5 @@
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <limits>
-
 #include "ground_scale_vo/evaluation/metrics.hpp"
+#include "support/test.hpp"
 
 namespace gsv {
 namespace {

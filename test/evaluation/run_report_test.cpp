@@ -1,23 +1,18 @@
 #include "ground_scale_vo/evaluation/run_report.hpp"
 
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
-#include <limits>
 #include <locale>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <sstream>
 
 #include "common/files.hpp"
-#include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/evaluation/drive_run.hpp"
 #include "ground_scale_vo/evaluation/metrics.hpp"
 #include "ground_scale_vo/input/camera_file.hpp"
 #include "ground_scale_vo/io/trajectory_io.hpp"
 #include "scripted_run.hpp"
 #include "support/temporary_folder.hpp"
+#include "support/test.hpp"
 
 namespace gsv {
 namespace {

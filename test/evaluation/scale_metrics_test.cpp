@@ -1,10 +1,6 @@
-#include <gtest/gtest.h>
-
-#include <cmath>
-
-#include "ground_scale_vo/common/error.hpp"
 #include "ground_scale_vo/evaluation/metrics.hpp"
 #include "scripted_run.hpp"
+#include "support/test.hpp"
 
 namespace gsv {
 namespace {
@@ -65,12 +61,10 @@ TEST(ScaleMetrics, CountsErrorsWithinSigma) {
 }
 
 TEST(ScaleMetrics, FirstErrorIsSignedAndOfTheFirstScale) {
-  const auto firstError = [](double scale) {
+  for (const auto& [scale, error] : {std::pair(2.3, 1.5), {1.8, -1.0}}) {
     const RunRecord run = record({{kUnknown}, {kHeld, scale, 0.2}, {kOk, 2.5, 0.1}});
-    return computeScaleMetrics(run, metreAFrame(3), 2).first_error_sigmas;
-  };
-  EXPECT_NEAR(firstError(2.3), 1.5, 1e-9);
-  EXPECT_NEAR(firstError(1.8), -1, 1e-9);
+    EXPECT_NEAR(computeScaleMetrics(run, metreAFrame(3), 2).first_error_sigmas, error, 1e-9);
+  }
 }
 
 // Each map has its own unit, so a distance over two maps gives no true scale.

@@ -45,55 +45,48 @@ inline void appendFrame(RunRecord* record, const Eigen::Isometry3d& T_w_c,
 /// their poses when this frame initialises the map (VisualOdometry::Output::start).
 class ScriptedRun {
  public:
+  using Start = std::vector<std::pair<std::uint32_t, double>>;
+
   /// A frame without a VO pose.
   ScriptedRun& withoutPose(VoStatus status, std::uint32_t map_id = 0) {
-    vo(status, map_id, 0.0);
-    return append({});
+    return append(status, map_id, 0, {}, {});
   }
   /// A frame with a VO pose and without a metric one.
-  ScriptedRun& tracked(double z, std::uint32_t map_id = 0,
-                       const std::vector<std::pair<std::uint32_t, double>>& start = {}) {
-    vo(VoStatus::kTracking, map_id, z, start);
-    return append({});
+  ScriptedRun& tracked(double z, std::uint32_t map_id = 0, const Start& start = {}) {
+    return append(VoStatus::kTracking, map_id, z, start, {});
   }
   /// A frame with a VO pose and a metric pose z_m [m] ahead of the first frame; scale [m per VO
   /// unit].
-  ScriptedRun& metric(double z, double scale, double z_m, std::uint32_t map_id = 0,
-                      const std::vector<std::pair<std::uint32_t, double>>& start = {}) {
-    vo(VoStatus::kTracking, map_id, z, start);
+  ScriptedRun& metric(double z, double scale, double z_m, std::uint32_t map_id = 0) {
     ScaleRecovery::Output output;
     output.scale.status = ScaleStatus::kOk;
     output.scale.scale = scale;
     output.scale.height = 1.65 / scale;
     output.pose.emplace();
     output.pose->T_o_c = ahead(z_m);
-    return append(output);
+    return append(VoStatus::kTracking, map_id, z, {}, output);
   }
 
   const RunRecord& record() const { return record_; }
 
  private:
-  void vo(VoStatus status, std::uint32_t map_id, double z,
-          const std::vector<std::pair<std::uint32_t, double>>& start = {}) {
-    vo_ = {};
-    vo_.frame.sequence = next_;
-    vo_.frame.stamp_ns = 100000000 * static_cast<std::int64_t>(next_++);
-    vo_.frame.status = status;
-    vo_.frame.map_id = map_id;
-    vo_.frame.T_w_c = ahead(z);
+  ScriptedRun& append(VoStatus status, std::uint32_t map_id, double z, const Start& start,
+                      const ScaleRecovery::Output& output) {
+    VisualOdometry::Output vo;
+    vo.frame.sequence = static_cast<std::uint32_t>(record_.frames().size());
+    vo.frame.stamp_ns = 100000000 * static_cast<std::int64_t>(vo.frame.sequence);
+    vo.frame.status = status;
+    vo.frame.map_id = map_id;
+    vo.frame.T_w_c = ahead(z);
     for (const auto& [sequence, start_z] : start) {
-      vo_.start.push_back({100000000 * static_cast<std::int64_t>(sequence), ahead(start_z)});
+      vo.start.push_back({100000000 * static_cast<std::int64_t>(sequence), ahead(start_z)});
     }
-    vo_.times.total = 10.0 * next_;
-  }
-  ScriptedRun& append(const ScaleRecovery::Output& output) {
-    record_.append(vo_, output);
+    vo.times.total = 10.0 * (vo.frame.sequence + 1);
+    record_.append(vo, output);
     return *this;
   }
 
   RunRecord record_;
-  VisualOdometry::Output vo_;
-  std::uint32_t next_ = 0;
 };
 
 constexpr VoStatus kInitialising = VoStatus::kInitialising;

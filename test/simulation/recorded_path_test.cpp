@@ -1,15 +1,7 @@
 #include "simulation/world/recorded_path.hpp"
 
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <limits>
-#include <random>
-#include <string>
-#include <vector>
-
-#include "ground_scale_vo/common/error.hpp"
 #include "simulation/synthetic_drive.hpp"
+#include "support/test.hpp"
 
 namespace gsv::simulation {
 namespace {
@@ -35,15 +27,6 @@ void addNoise(Positions& positions, const Eigen::Vector3d& sigma) {
   for (Eigen::Vector3d& p : positions) {
     p += sigma.cwiseProduct(Eigen::Vector3d(normal(random), normal(random), normal(random)));
   }
-}
-
-std::string refusal(const Positions& positions) {
-  try {
-    const RecordedPath path(positions, 10);
-  } catch (const OptionError& error) {
-    return error.what();
-  }
-  return "";
 }
 
 TEST(RecordedPath, FollowsNoisyPositions) {
@@ -84,29 +67,27 @@ TEST(RecordedPath, StandsStillInSpiteOfNoise) {
 }
 
 TEST(RecordedPath, RefusesWhatIsNoRoad) {
-  EXPECT_EQ(refusal(curve(100, 20, 1, 1)), "");
-  EXPECT_NE(refusal({}).find("has a path of 0 m"), std::string::npos);
-  EXPECT_NE(refusal(curve(15, 20, 0, 1)).find("has a path of 15 m"), std::string::npos);
-  Positions positions = curve(100, 20, 1, 1);
-  positions[20].x() = std::numeric_limits<double>::quiet_NaN();
-  EXPECT_NE(refusal(positions).find("pose 21 is not finite"), std::string::npos);
-  positions = curve(100, 20, 1, 1);
-  positions[50].z() += 30;
-  EXPECT_NE(refusal(positions).find("pose 51 is more than 20 m"), std::string::npos);
-  EXPECT_NE(refusal(curve(60, 1.5, 3, 0.5)).find("radius below 3.3 m"), std::string::npos);
-}
-
-SyntheticDrive::Options recordedDrive(const Positions& positions) {
-  SyntheticDrive::Options options;
-  options.path = positions;
-  options.frames = static_cast<int>(positions.size());
-  return options;
+  const Positions good = curve(100, 20, 1, 1);
+  EXPECT_NO_THROW(RecordedPath(good, 10));
+  Positions broken = good, jumping = good;
+  broken[20].x() = kNan;
+  jumping[50].z() += 30;
+  const std::pair<Positions, const char*> kCases[] = {
+      {{}, "has a path of 0 m"},
+      {curve(15, 20, 0, 1), "has a path of 15 m"},
+      {broken, "pose 21 is not finite"},
+      {jumping, "pose 51 is more than 20 m"},
+      {curve(60, 1.5, 3, 0.5), "radius below 3.3 m"}};
+  for (const auto& [positions, reason] : kCases) {
+    expectThrows<OptionError>([p = positions] { RecordedPath(p, 10); }, reason);
+  }
 }
 
 TEST(RecordedDrive, TheCameraFollowsThePositions) {
   const Positions positions = curve(50, 15, M_PI / 2, 0.9, 0.04);
-  SyntheticDrive::Options options = recordedDrive(positions);
-  ++options.frames;
+  SyntheticDrive::Options options;
+  options.path = positions;
+  options.frames = static_cast<int>(positions.size()) + 1;
   EXPECT_THROW(SyntheticDrive{options}, OptionError) << "more frames than positions";
   --options.frames;
   options.suspension = 0;

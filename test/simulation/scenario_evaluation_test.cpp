@@ -1,18 +1,13 @@
 #include "simulation/scenario_evaluation.hpp"
 
-#include <gtest/gtest.h>
-
-#include <cmath>
+#include "support/test.hpp"
 
 namespace gsv {
 namespace {
 
 using Metrics = ScenarioMetrics;
-using Thresholds = ScenarioThresholds;
 
-/// The violated threshold of metrics that violate none before the change.
-template <typename Change>
-std::string violation(const Change& change) {
+TEST(ScenarioEvaluation, LateScaleAndUnknownErrorViolateAThreshold) {
   Metrics metrics;
   metrics.frames = metrics.tracked_frames = 100;
   metrics.metric_frames = 90;
@@ -20,25 +15,29 @@ std::string violation(const Change& change) {
   metrics.displacement_sigmas = 1;
   metrics.rotation_error_deg = 0.3;
   metrics.within_2_sigma = 0.9;
-  Thresholds thresholds;
-  change(metrics, thresholds);
-  return violatedThreshold(metrics, thresholds);
-}
-
-TEST(ScenarioEvaluation, LateScaleAndUnknownErrorViolateAThreshold) {
-  EXPECT_EQ(violation([](Metrics&, Thresholds&) {}), "");
-  EXPECT_EQ(violation([](Metrics& m, Thresholds&) { m.lost_events = 1; }), "lost");
-  EXPECT_EQ(violation([](Metrics& m, Thresholds&) { m.metric_frames = 50; }), "late scale");
-  EXPECT_EQ(violation([](Metrics& m, Thresholds&) { m.rle_percent = NAN; }), "RLE");
-  EXPECT_EQ(violation([](Metrics& m, Thresholds&) { m.recovery_frames = -1; }), "no recovery");
-  EXPECT_EQ(violation([](Metrics& m, Thresholds&) { m.error_after_fault_percent = 5.1; }),
-            "error after the fault");
+  const std::pair<std::function<void(Metrics*)>, const char*> kChanges[] = {
+      {[](Metrics*) {}, ""},
+      {[](Metrics* m) { m->lost_events = 1; }, "lost"},
+      {[](Metrics* m) { m->metric_frames = 50; }, "late scale"},
+      {[](Metrics* m) { m->rle_percent = NAN; }, "RLE"},
+      {[](Metrics* m) { m->recovery_frames = -1; }, "no recovery"},
+      {[](Metrics* m) { m->error_after_fault_percent = 5.1; }, "error after the fault"}};
+  for (const auto& [change, violated] : kChanges) {
+    Metrics changed = metrics;
+    change(&changed);
+    EXPECT_EQ(violatedThreshold(changed, ScenarioThresholds()), violated);
+  }
 }
 
 /// Of a drive of 20 frames with a scale that is 3 % too large: a metric pose from frame 4 on, whose
 /// variance grows, a wrong heading in the last frame, and five unobservable frames, two of them
 /// reported as measured.
-Metrics metricsOfABiasedRun(const SyntheticDrive& drive) {
+TEST(ScenarioEvaluation, ComparesARunWithTheDrive) {
+  Scenario scenario;
+  scenario.unobservable = {10, 14};
+  SyntheticDrive::Options options;
+  options.frames = 20;
+  const SyntheticDrive drive(options);
   RunRecord record;
   for (std::size_t i = 0; i < drive.size(); ++i) {
     VisualOdometry::Output vo;
@@ -63,16 +62,7 @@ Metrics metricsOfABiasedRun(const SyntheticDrive& drive) {
     }
     record.append(vo, scale);
   }
-  Scenario scenario;
-  scenario.unobservable = {10, 14};
-  return evaluateScenario(scenario, drive, record);
-}
-
-TEST(ScenarioEvaluation, ComparesARunWithTheDrive) {
-  SyntheticDrive::Options options;
-  options.frames = 20;
-  const SyntheticDrive drive(options);
-  const Metrics metrics = metricsOfABiasedRun(drive);
+  const Metrics metrics = evaluateScenario(scenario, drive, record);
   EXPECT_EQ(metrics.frames, 20u);
   EXPECT_EQ(metrics.tracked_frames, 19u);
   EXPECT_EQ(metrics.lost_events, 1u);

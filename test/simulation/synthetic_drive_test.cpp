@@ -1,14 +1,10 @@
 #include "simulation/synthetic_drive.hpp"
 
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
 #include <opencv2/imgproc.hpp>
 #include <opencv2/video/tracking.hpp>
-#include <vector>
 
 #include "simulation/scenarios.hpp"
+#include "support/test.hpp"
 
 namespace gsv {
 namespace {
@@ -188,6 +184,57 @@ INSTANTIATE_TEST_SUITE_P(Scenarios, SyntheticRoad,
                                          Place{33, 0, 0.2, 0.15, "slope_edges"}));
 INSTANTIATE_TEST_SUITE_P(RecordedPath, SyntheticRoad,
                          testing::Values(Place{70, 0.06, 0.3, 0.25, nullptr, true}));
+
+TEST(ImageFaults, ActInTheirFramesOfADrive) {
+  const auto same = [](const cv::Mat& a, const cv::Mat& b) {
+    return a.size() == b.size() && a.type() == b.type() && cv::countNonZero(a != b) == 0;
+  };
+  Options options;
+  options.camera = {160, 50, 93, 93, 80, 25};
+  options.frames = 8;
+  const SyntheticDrive faultless(options);
+  options.faults = {{FaultKind::kBlack, {2, 3}}, {FaultKind::kFrozen, {5, 6}}};
+  const SyntheticDrive drive(options);
+  for (std::size_t i = 0; i < drive.size(); ++i) {
+    if (i == 2 || i == 3) {
+      EXPECT_EQ(cv::countNonZero(drive.image(i)), 0) << i;
+    } else {
+      EXPECT_TRUE(same(drive.image(i), faultless.image(i == 5 || i == 6 ? 4 : i))) << i;
+    }
+  }
+}
+
+/// Mean absolute difference of one row [grey levels].
+double rowDifference(const cv::Mat& a, const cv::Mat& b, int row) {
+  return cv::norm(a.row(row), b.row(row), cv::NORM_L1) / a.cols;
+}
+
+TEST(RollingShutter, ExposesEachRowAtItsOwnTime) {
+  constexpr double kReadoutTime = 0.03;
+  Options options;
+  options.frames = 3;
+  options.speed = 20;
+  options.suspension = 2;
+  options.stop_s = options.noise_sigma = 0;
+  options.readout_time = kReadoutTime;
+  const SyntheticDrive rolling(options);
+  options.readout_time = 0;
+  options.frame_rate_hz = 1000;
+  options.frames = 201;  // the same road: its texture depends on its length
+  const SyntheticDrive every_ms(options);
+  constexpr std::size_t kStamp = 100;  // of the second image [ms]
+  const cv::Mat image = rolling.image(1), at_stamp = every_ms.image(kStamp);
+  const int height = rolling.camera().height;
+  for (const int delay_ms : {-12, -6, 0, 6, 12}) {
+    const int row = static_cast<int>(height * (0.5 + 1e-3 * delay_ms / kReadoutTime));
+    const cv::Mat exposed = every_ms.image(kStamp + static_cast<std::size_t>(delay_ms));
+    const double difference = rowDifference(image, exposed, row);
+    EXPECT_LT(difference, 1) << delay_ms;
+    if (delay_ms != 0) {
+      EXPECT_GT(rowDifference(image, at_stamp, row), 3 * difference) << delay_ms;
+    }
+  }
+}
 
 }  // namespace
 }  // namespace gsv

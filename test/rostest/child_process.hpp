@@ -7,11 +7,8 @@
 #include <csignal>
 #include <filesystem>
 #include <fstream>
-#include <optional>
 #include <sstream>
 #include <stdexcept>
-#include <string>
-#include <vector>
 
 #include "graph.hpp"
 

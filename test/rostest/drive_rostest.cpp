@@ -1,19 +1,12 @@
 // A rendered drive through both nodelets in a nodelet manager, image by image: the same poses
 // as of the offline run, and everything else that the nodelets publish about them.
 
-#include <gtest/gtest.h>
 #include <sensor_msgs/point_cloud2_iterator.h>
-#include <tf2_msgs/TFMessage.h>
 
-#include <algorithm>
-#include <memory>
 #include <sstream>
-#include <utility>
 
 #include "ground_scale_vo/evaluation/run_record.hpp"
 #include "manager_test.hpp"
-#include "ros/odometry_output.hpp"
-#include "support/drive_run.hpp"
 
 namespace gsv {
 namespace {

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <diagnostic_msgs/DiagnosticArray.h>
-#include <gtest/gtest.h>
 #include <nodelet/NodeletList.h>
 #include <nodelet/NodeletLoad.h>
 #include <nodelet/NodeletUnload.h>
@@ -10,20 +9,14 @@
 #include <ros/this_node.h>
 #include <std_srvs/Trigger.h>
 
-#include <algorithm>
 #include <chrono>
 #include <condition_variable>
-#include <cstdint>
-#include <functional>
 #include <map>
 #include <mutex>
-#include <optional>
-#include <string>
-#include <utility>
-#include <vector>
 
 #include "ground_scale_vo/ros_tools/node_process.hpp"
 #include "support/sanitizer.hpp"
+#include "support/test.hpp"
 
 namespace gsv {
 

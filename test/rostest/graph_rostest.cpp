@@ -1,32 +1,25 @@
 // Both nodelets in a nodelet manager, on a rendered drive with ground truth: late or missing
 // messages, parameters, mountings on tf, resets, two pairs, masks.
 
-#include <gtest/gtest.h>
-#include <nav_msgs/Path.h>
-#include <sensor_msgs/CameraInfo.h>
 #include <tf2_ros/buffer.h>
 #include <tf2_ros/static_transform_broadcaster.h>
 #include <tf2_ros/transform_listener.h>
 #include <unistd.h>
 
-#include <algorithm>
 #include <filesystem>
 #include <fstream>
 #include <opencv2/imgcodecs.hpp>
 #include <set>
 
+#include "ground_scale_vo/common/math.hpp"
 #include "ground_scale_vo/input/camera_file.hpp"
 #include "ground_scale_vo/input/image.hpp"
 #include "ground_scale_vo/vo/visual_odometry.hpp"
 #include "manager_test.hpp"
-#include "mounting.hpp"
 #include "simulation/tools/distortion.hpp"
-#include "support/drive_run.hpp"
 
 namespace gsv {
 namespace {
-
-constexpr double kRadPerDeg = M_PI / 180;
 
 class Graph : public DriveTest<50> {
  protected:
@@ -76,29 +69,11 @@ TEST_F(Graph, OneLatchedCameraInfoOfRectifiedImagesIsEnough) {
     pair.publishImage(i);
     ASSERT_TRUE(pair.waitForResult(i)) << i;
   }
-  ASSERT_TRUE(pair.odometry.waitForStamp(pair.lastStamp()));
   EXPECT_EQ(pair.frames.last()->fx, info.P[0]);
   EXPECT_TRUE(diagnostics_.waitForStatus("once/scale_recovery", [](const Status& status) {
     return status.level == Status::OK && valueIn(status, "images") == "used";
   }));
-  EXPECT_NEAR(pair.displacementRatio(), 1, kTolerance);
-}
-
-TEST_F(Graph, ParametersAreUsed) {
-  VisualOdometry with_defaults(drive_->drive().camera(), {});
-  const std::size_t features = with_defaults.process(drive_->grey(0), 0).frame.features.size();
-  NodeletPair pair(manager_, *drive_, "/configured");
-  pair.setParam("mono_vo", "tracker/cell_size", 0.06);
-  pair.setParam("mono_vo", "quue_size", 3);
-  for (const char* nodelet : {"mono_vo", "scale_recovery"}) {
-    pair.setParam(nodelet, "clock_jump_s", 10);  // a whole number is a number
-  }
-  ASSERT_TRUE(pair.load());
-  // A step of 4.9 s. With the default of clock_jump_s the second image would be held.
-  ASSERT_TRUE(pair.publishAndWait(0));
-  ASSERT_TRUE(pair.publishAndWait(kFrames - 1));
-  EXPECT_LT(pair.frames.first()->id.size(), 0.8 * static_cast<double>(features));
-  EXPECT_TRUE(waitForLine("parameter /configured/mono_vo/quue_size is unknown"));
+  pair.expectTrueLength();
 }
 
 TEST_F(Graph, WrongParametersAreRefusedWithTheReason) {
@@ -148,7 +123,7 @@ TEST_F(Graph, ALateMountingTransformStartsTheMetricOdometry) {
   ASSERT_LT(next, kFrames - 10);
   ASSERT_TRUE(pair.playUntilPose(next, kFrames - 1));
   EXPECT_EQ(pair.odometry.last()->child_frame_id, "mounted_base");
-  EXPECT_NEAR(pair.displacementRatio(), 1, kTolerance);
+  pair.expectTrueLength();
   // The twist is in the axes of the base: x is forward.
   EXPECT_GT(pair.odometry.last()->twist.twist.linear.x, 5);
   EXPECT_TRUE(diagnostics_.waitForSummary("mounted/scale_recovery", Status::OK, "scale measured"));
@@ -172,7 +147,7 @@ TEST_F(Graph, AfterAResetOfBothNodeletsThePoseIsZero) {
   const Eigen::Isometry3d T_odom_c = fromMsg(pair.odometry.first()->pose.pose);
   EXPECT_EQ(T_odom_c.translation().norm(), 0);
   EXPECT_TRUE(T_odom_c.linear().isApprox(bodyFromOptical(), 1e-12));
-  EXPECT_NEAR(pair.displacementRatio(), 1, kTolerance);
+  pair.expectTrueLength();
 }
 
 // A reset of MonoVo alone is a new map, from which the metric pose continues. The heading may have
@@ -199,7 +174,7 @@ TEST_F(Graph, AMountingThatTheRoadContradictsIsReportedUntilAResetFindsAnother) 
   const std::string text = "with pitch 8.0 deg and roll 0.0 deg";
   NodeletPair pair(manager_, *drive_, "/tilted");
   tf2_ros::StaticTransformBroadcaster broadcaster;
-  broadcaster.sendTransform(mounting("tilted_base", {0, 0, 1.65}, 8 * kRadPerDeg));
+  broadcaster.sendTransform(mounting("tilted_base", {0, 0, 1.65}, 8 * kRadiansPerDegree));
   pair.setParam("scale_recovery", "base_frame", "tilted_base");
   ASSERT_TRUE(pair.load());
   ASSERT_TRUE(pair.playUntilPose(0, kHalf - 1));
@@ -240,7 +215,7 @@ TEST_F(Graph, AMovingMountIsLookedUpAtTheStampOfEachImage) {
   for (std::size_t i = 0; i < kFrames; ++i) {
     const Eigen::Vector3d position(0.1 * static_cast<double>(i), 0, 1.65);
     const auto message =
-        tfMessage(mounting("moving_base", position, 8 * kRadPerDeg), pair.stamp(i));
+        tfMessage(mounting("moving_base", position, 8 * kRadiansPerDegree), pair.stamp(i));
     if (!isLate(i) && i != missing) tf.publish(message);
     ASSERT_TRUE(pair.publishAndWait(i)) << i;
     if (i == missing) {  // the next transform would allow to interpolate
@@ -306,11 +281,20 @@ TEST_F(Graph, ASecondParentOfTheCameraIsDetected) {
   }
 }
 
-TEST_F(Graph, ALateSubscriberGetsTheWholePathUntilAReset) {
+TEST_F(Graph, ParametersAreUsedAndALateSubscriberGetsTheWholePathUntilAReset) {
   NodeletPair pair(manager_, *drive_, "/late");
   pair.setParam("scale_recovery", "path_max_poses", 6);
+  pair.setParam("mono_vo", "tracker/cell_size", 0.03);
+  pair.setParam("mono_vo", "quue_size", 3);
+  for (const char* nodelet : {"mono_vo", "scale_recovery"}) {
+    pair.setParam(nodelet, "clock_jump_s", 10);  // a whole number is a number
+  }
   ASSERT_TRUE(pair.load());
   ASSERT_TRUE(pair.playAll());
+  VisualOdometry with_defaults(drive_->drive().camera(), {});
+  const std::size_t features = with_defaults.process(drive_->grey(0), 0).frame.features.size();
+  EXPECT_LT(pair.frames.first()->id.size(), 0.8 * static_cast<double>(features));
+  EXPECT_TRUE(waitForLine("parameter /late/mono_vo/quue_size is unknown"));
   // A pause of the images is no loss of the images.
   for (int report = 0; report < 2; ++report) {
     const std::string message = diagnostics_.next("late/scale_recovery").message;
@@ -324,6 +308,10 @@ TEST_F(Graph, ALateSubscriberGetsTheWholePathUntilAReset) {
   EXPECT_LE(whole.poses.size(), 6u);
   ASSERT_TRUE(callTrigger("/late/scale_recovery/reset"));
   EXPECT_TRUE(path.wait([](const auto& paths) { return paths.back()->poses.empty(); }));
+  // With the default of clock_jump_s an image after 5 s would be held.
+  const ros::Time later = pair.lastStamp() + ros::Duration(5);
+  pair.publishImage(0, later);
+  EXPECT_TRUE(pair.waitForStamp(later));
 }
 
 // The lowest rows of the images show a hood with a texture.
@@ -348,12 +336,10 @@ TEST_F(Graph, TheRegionOfAMaskIsNotUsedButTinted) {
   TopicRecorder<sensor_msgs::Image> vo_masks(handle_, "/masked/vo/mask");
   ASSERT_TRUE(waitUntil([&] { return display.connected() && vo_images.connected(); }));
   ASSERT_TRUE(pair.playAll());
-  std::size_t features = 0;
   for (const auto& frame : pair.frames.messages()) {
-    features += frame->v.size();
+    EXPECT_GT(frame->v.size(), 50u);
     for (const float row : frame->v) ASSERT_LT(row, top);
   }
-  EXPECT_GT(features, 100 * drive.size());
   const auto scales = pair.scales.messages();
   ASSERT_EQ(scales.size(), drive.size());
   OfflineRun offline(options.camera, optionsFor(options.camera_height), mask);

@@ -1,13 +1,9 @@
 // Both nodelets with invalid input of a camera: each invalid image or camera_info is dropped and
 // counted in the diagnostics, and the next valid one is used. The same with compressed images.
 
-#include <gtest/gtest.h>
 #include <sensor_msgs/CompressedImage.h>
 
-#include <algorithm>
-#include <functional>
 #include <opencv2/imgcodecs.hpp>
-#include <string>
 
 #include "manager_test.hpp"
 
@@ -48,10 +44,8 @@ class Images : public ManagerTest {
 
   /// The next image.
   static Image image() {
-    std_msgs::Header header;
-    header.stamp = ros::Time(stamp_ += kPeriod);
-    header.frame_id = "camera";
-    return *toMsg(cv::Mat(kHeight, kWidth, CV_8UC1, cv::Scalar(90)), "mono8", header);
+    return *toMsg(cv::Mat(kHeight, kWidth, CV_8UC1, cv::Scalar(90)), "mono8",
+                  headerAt(ros::Time(stamp_ += kPeriod)));
   }
   /// Publishes a valid image and waits until both nodelets have processed it.
   bool publishAndWait(const Image& good) {

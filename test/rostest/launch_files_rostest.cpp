@@ -2,14 +2,10 @@
 // another odometry with pose and map points gets metric poses; VisualOdometry, run and published by
 // this test, stands in for it.
 
-#include <gtest/gtest.h>
 #include <sensor_msgs/PointCloud.h>
-
-#include <map>
 
 #include "ground_scale_vo/vo/visual_odometry.hpp"
 #include "nodelet_pair.hpp"
-#include "ros/odometry_output.hpp"
 
 namespace gsv {
 namespace {
@@ -97,9 +93,7 @@ TEST(LaunchFiles, AnotherVoGetsMetricPoses) {
   for (std::size_t i = 0; i < drive.size(); ++i) {
     const VoFrame frame = odometry.process(drive.image(i), drive.frame(i).stamp_ns).frame;
     if (frame.status != VoStatus::kTracking) continue;
-    std_msgs::Header header;
-    header.stamp = fromNanoseconds(frame.stamp_ns + 1000000000);
-    header.frame_id = "camera";
+    const auto header = headerAt(fromNanoseconds(frame.stamp_ns + 1000000000));
     ground_truth[header.stamp] = drive.frame(i).T_c0_c.translation();
     // The converter is connected once it publishes a frame; earlier messages may be lost.
     const std::size_t before = topics.frames.count();

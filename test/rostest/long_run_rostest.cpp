@@ -4,10 +4,6 @@
 // By default 700 small frames as fast as they are processed; with GROUND_SCALE_VO_LONG an hour in
 // real time. The measurements of each tenth are in the log of the rostest.
 
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
 #include <iostream>
 
 #include "ground_scale_vo/common/math.hpp"

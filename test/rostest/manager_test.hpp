@@ -1,19 +1,10 @@
 #pragma once
 
-#include <gtest/gtest.h>
 #include <rosgraph_msgs/Log.h>
-
-#include <algorithm>
-#include <memory>
-#include <optional>
-#include <string>
 
 #include "nodelet_pair.hpp"
 
 namespace gsv {
-
-/// Allowed deviation of NodeletPair::displacementRatio() from 1.
-constexpr double kTolerance = 0.05;
 
 /// The nodelet manager of the .test file, into which tests load their nodelets. No nodelet may be
 /// left after a test.

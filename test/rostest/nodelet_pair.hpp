@@ -1,6 +1,5 @@
 #pragma once
 
-#include <gtest/gtest.h>
 #include <nav_msgs/Odometry.h>
 #include <nav_msgs/Path.h>
 #include <sensor_msgs/CameraInfo.h>
@@ -11,16 +10,13 @@
 
 #include <atomic>
 #include <boost/make_shared.hpp>
-#include <functional>
-#include <string>
 #include <thread>
-#include <utility>
-#include <vector>
 
 #include "graph.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
 #include "simulation/synthetic_drive.hpp"
 #include "support/drive_run.hpp"
+#include "support/ros_messages.hpp"
 
 namespace gsv {
 
@@ -43,22 +39,15 @@ class RenderedDrive {
   const cv::Mat& grey(std::size_t i) const { return images_[i]; }
 
   sensor_msgs::Image::Ptr image(std::size_t i, const ros::Time& stamp) const {
-    return toMsg(images_[i], sensor_msgs::image_encodings::MONO8, header(stamp));
+    return toMsg(images_[i], sensor_msgs::image_encodings::MONO8, headerAt(stamp, frame_id_));
   }
   sensor_msgs::CameraInfo::Ptr info(const ros::Time& stamp) const {
     auto info = boost::make_shared<sensor_msgs::CameraInfo>(toCameraInfo(drive_.camera()));
-    info->header = header(stamp);
+    info->header = headerAt(stamp, frame_id_);
     return info;
   }
 
  private:
-  std_msgs::Header header(const ros::Time& stamp) const {
-    std_msgs::Header header;
-    header.stamp = stamp;
-    header.frame_id = frame_id_;
-    return header;
-  }
-
   SyntheticDrive drive_;
   const std::string frame_id_;
   std::vector<cv::Mat> images_;
@@ -99,6 +88,9 @@ class RepeatingCamera {
   std::atomic<bool> stop_{false};
   std::thread thread_;
 };
+
+/// Allowed relative deviation of metric distances.
+constexpr double kTolerance = 0.05;
 
 /// The topics of a camera and of both nodelets, in one namespace.
 class NodeletTopics {
@@ -237,16 +229,17 @@ class NodeletPair : public NodeletTopics {
   Eigen::Vector3d truePosition(const ros::Time& time) const {
     return drive_.frame(frameAt(time)).T_c0_c.translation();
   }
-  /// Distance between the first and the last position of the odometry received so far, over the
-  /// true one. 0 if that is less than 5 m.
-  double displacementRatio() {
-    if (odometry.count() < 2) return 0;
+  /// Waits for the metric pose of the last frame. The distance between the first and the last
+  /// position of the odometry is the true one, of at least 5 m.
+  void expectTrueLength(double tolerance = kTolerance) {
+    ASSERT_TRUE(odometry.waitForStamp(lastStamp()));
     const nav_msgs::Odometry from = *odometry.first(), to = *odometry.last();
     const double true_distance =
         (truePosition(to.header.stamp) - truePosition(from.header.stamp)).norm();
-    if (true_distance < 5) return 0;
-    return (fromMsg(to.pose.pose).translation() - fromMsg(from.pose.pose).translation()).norm() /
-           true_distance;
+    EXPECT_GT(true_distance, 5);
+    EXPECT_NEAR(
+        (fromMsg(to.pose.pose).translation() - fromMsg(from.pose.pose).translation()).norm(),
+        true_distance, tolerance * true_distance);
   }
 
   double start_s = 1000;                                      ///< stamp of the first image [s]

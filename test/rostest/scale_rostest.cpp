@@ -3,19 +3,9 @@
 // A second ScaleRecovery in the namespace `alone` gets the same frames with `refine: false` (no
 // images). The difference of the two outputs is the effect of the images.
 
-#include <gtest/gtest.h>
-#include <nav_msgs/Odometry.h>
-#include <sensor_msgs/Image.h>
-#include <tf2_msgs/TFMessage.h>
 #include <tf2_ros/static_transform_broadcaster.h>
 
-#include <cmath>
-#include <limits>
-#include <string>
-
-#include "graph.hpp"
-#include "ground_scale_vo/ros/conversions.hpp"
-#include "mounting.hpp"
+#include "nodelet_pair.hpp"
 #include "support/road_image.hpp"
 
 namespace gsv {
@@ -62,30 +52,12 @@ class FlatRoad {
   bool is_moving = true, has_features = true;
 
  private:
-  std_msgs::Header header() const {
-    std_msgs::Header header;
-    header.stamp = ros::Time(start_s_ + kPeriod * sequence_);
-    header.frame_id = "camera";
-    return header;
-  }
+  std_msgs::Header header() const { return headerAt(ros::Time(start_s_ + kPeriod * sequence_)); }
 
   RoadScene scene_;
   double start_s_;
   std::uint32_t sequence_ = 0;
   double z_ = -kStep;  ///< of the last frame [VO units]
-};
-
-/// Subscribers of the outputs of one ScaleRecovery.
-struct Outputs {
-  Outputs(ros::NodeHandle& handle, const std::string& ns)
-      : scales(handle, ns + "scale"), odometry(handle, ns + "odometry") {}
-  bool connected() const { return scales.connected() && odometry.connected(); }
-  void clear() {
-    scales.clear();
-    odometry.clear();
-  }
-  TopicRecorder<ScaleEstimateMsg> scales;
-  TopicRecorder<nav_msgs::Odometry> odometry;
 };
 
 class Scale : public testing::Test {
@@ -95,10 +67,11 @@ class Scale : public testing::Test {
   void SetUp() override {
     ASSERT_TRUE(reset());
     ASSERT_TRUE(reset("alone/scale_recovery/reset"));
-    ASSERT_TRUE(waitUntil([this] {
-      return frames_.getNumSubscribers() > 0 && images_.getNumSubscribers() > 0 &&
-             masks_.getNumSubscribers() > 0 && out_.connected() && alone_.connected() &&
-             diagnostics_.connected();
+    ASSERT_TRUE(waitUntil([this] {  // frames: also this test
+      return frames_.getNumSubscribers() > 1 && images_.getNumSubscribers() > 0 &&
+             masks_.getNumSubscribers() > 0 && out_.scales.connected() &&
+             out_.odometry.connected() && alone_.scales.connected() &&
+             alone_.odometry.connected() && diagnostics_.connected();
     }));
     out_.clear();
     alone_.clear();
@@ -148,7 +121,7 @@ class Scale : public testing::Test {
   ros::Publisher frames_ = handle_.advertise<VoFrameMsg>("vo/frame", 100);
   ros::Publisher images_ = handle_.advertise<sensor_msgs::Image>("vo/image", 100);
   ros::Publisher masks_ = handle_.advertise<sensor_msgs::Image>("vo/mask", 100);
-  Outputs out_{handle_, ""}, alone_{handle_, "alone/"};
+  NodeletTopics out_{""}, alone_{"/alone"};
   DiagnosticsRecorder diagnostics_{handle_};
 };
 
@@ -159,7 +132,7 @@ TEST_F(Scale, AnotherCameraFrameResets) {
   FlatRoad road(2600);
   ASSERT_TRUE(playUntilOdometry(road));
   ASSERT_TRUE(play(road, kFrames));
-  for (Outputs* outputs : {&alone_, &out_}) {
+  for (NodeletTopics* outputs : {&alone_, &out_}) {
     ASSERT_TRUE(outputs->scales.waitForStamp(road.lastStamp()));
     ASSERT_TRUE(outputs->odometry.waitForStamp(road.lastStamp()));
     outputs->clear();
@@ -170,7 +143,7 @@ TEST_F(Scale, AnotherCameraFrameResets) {
     frames_.publish(frame);
   };
   for (int i = 0; i < kFrames; ++i) publishFrom("camera2");
-  for (Outputs* outputs : {&alone_, &out_}) {
+  for (NodeletTopics* outputs : {&alone_, &out_}) {
     const bool is_base = outputs == &out_;
     ASSERT_TRUE(outputs->odometry.waitForStamp(road.lastStamp()));
     EXPECT_EQ(outputs->scales.first()->status, ScaleEstimateMsg::UNKNOWN);
@@ -286,9 +259,7 @@ TEST_F(Scale, ImagesAreUsedWhereTheMaskAllowsAndTheirLossIsReported) {
   FlatRoad road(7000);
   // Black from here on: no pixel may be used.
   const cv::Mat black(road.camera().height, road.camera().width, CV_8U, cv::Scalar(0));
-  std_msgs::Header header;
-  header.stamp = road.nextImage()->header.stamp;
-  masks_.publish(toMsg(black, "mono8", header));
+  masks_.publish(toMsg(black, "mono8", road.nextImage()->header));
   ASSERT_TRUE(playWithImages(road));
   const auto scales = out_.scales.messages(), without_images = alone_.scales.messages();
   ASSERT_EQ(scales.size(), without_images.size());
@@ -296,8 +267,7 @@ TEST_F(Scale, ImagesAreUsedWhereTheMaskAllowsAndTheirLossIsReported) {
     EXPECT_EQ(scales[i]->scale, without_images[i]->scale) << i;
   }
 
-  header.stamp = road.nextImage()->header.stamp;
-  masks_.publish(toMsg(~black, "mono8", header));
+  masks_.publish(toMsg(~black, "mono8", road.nextImage()->header));
   const auto withoutImage = [&] {
     return numberIn(diagnostics_.next("scale_recovery"), "frames without an image");
   };

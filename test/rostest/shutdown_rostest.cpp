@@ -1,10 +1,6 @@
 // The manager, standalone nodes or a whole launch receive SIGINT at any moment: they end in time,
 // with status 0 and without messages of a crash.
 
-#include <gtest/gtest.h>
-
-#include <memory>
-#include <random>
 #include <thread>
 
 #include "child_process.hpp"
@@ -92,40 +88,36 @@ TEST_F(Shutdown, OfTheManagerAtAnyMoment) {
   }
 }
 
-TEST_F(Shutdown, OfStandaloneNodes) {
+// roslaunch stops all nodes at once: the manager and the nodes that loaded the nodelets.
+TEST_F(Shutdown, OfStandaloneNodesAndOfTheWholeLaunch) {
+  using CommandLine = std::vector<std::string>;
   ros::param::set("/scale_recovery/camera_height", 1.65);
   const RepeatingCamera camera(*drive_);
+  const auto standalone = [](const std::string& type, const std::string& name) -> CommandLine {
+    return {"rosrun",         "nodelet", "nodelet", "standalone", "ground_scale_vo/" + type,
+            "__name:=" + name};
+  };
+  const std::vector<CommandLine> kPrograms[] = {
+      {standalone("MonoVo", "mono_vo"), standalone("ScaleRecovery", "scale_recovery")},
+      {{"roslaunch", "ground_scale_vo", "ground_scale_vo.launch", "camera_height:=1.65",
+        "image:=image", "camera_info:=camera_info"}}};
   for (int round = 0; round < rounds() / 4; ++round) {
-    TopicRecorder<VoFrameMsg> frames(handle_, "vo/frame");
-    TopicRecorder<ScaleEstimateMsg> scales(handle_, "scale");
-    ChildProcess mono_vo({"rosrun", "nodelet", "nodelet", "standalone", "ground_scale_vo/MonoVo",
-                          "__name:=mono_vo"});
-    ChildProcess scale_recovery({"rosrun", "nodelet", "nodelet", "standalone",
-                                 "ground_scale_vo/ScaleRecovery", "__name:=scale_recovery"});
-    if (round > 0) {
-      ASSERT_TRUE(scales.waitForCount(1)) << mono_vo.output() << scale_recovery.output();
-    } else {
-      ASSERT_TRUE(waitUntil([&] { return frames.connected() && scales.connected(); }));
+    for (const auto& programs : kPrograms) {
+      TopicRecorder<VoFrameMsg> frames(handle_, "vo/frame");
+      TopicRecorder<ScaleEstimateMsg> scales(handle_, "scale");
+      std::vector<std::unique_ptr<ChildProcess>> processes;
+      for (const auto& words : programs) {
+        processes.push_back(std::make_unique<ChildProcess>(words));
+      }
+      if (round > 0 || programs.size() == 1) {
+        ASSERT_TRUE(scales.waitForCount(1)) << processes.front()->output();
+      } else {
+        ASSERT_TRUE(waitUntil([&] { return frames.connected() && scales.connected(); }));
+      }
+      const std::string what = "round " + std::to_string(round) + waitAtRandom();
+      for (const auto& process : processes) process->send(SIGINT);
+      for (const auto& process : processes) expectClean(*process, what);
     }
-    const std::string what = "round " + std::to_string(round) + waitAtRandom();
-    mono_vo.send(SIGINT);
-    scale_recovery.send(SIGINT);
-    expectClean(mono_vo, what + " MonoVo");
-    expectClean(scale_recovery, what + " ScaleRecovery");
-  }
-}
-
-// roslaunch stops all nodes at once: the manager and the nodes that loaded the nodelets.
-TEST_F(Shutdown, OfTheWholeLaunch) {
-  const RepeatingCamera camera(*drive_);
-  for (int round = 0; round < rounds() / 4; ++round) {
-    TopicRecorder<VoFrameMsg> frames(handle_, "vo/frame");
-    ChildProcess launch({"roslaunch", "ground_scale_vo", "ground_scale_vo.launch",
-                         "camera_height:=1.65", "image:=image", "camera_info:=camera_info"});
-    ASSERT_TRUE(frames.waitForCount(1)) << launch.output();
-    const std::string what = "round " + std::to_string(round) + waitAtRandom();
-    launch.send(SIGINT);
-    expectClean(launch, what);
   }
 }
 

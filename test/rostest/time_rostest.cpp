@@ -1,19 +1,11 @@
 // Both nodelets under use_sim_time: a clock that starts late, a looped bag, single wrong
 // stamps.
 
-#include <gtest/gtest.h>
 #include <rosgraph_msgs/Clock.h>
-#include <tf2_msgs/TFMessage.h>
 #include <tf2_ros/buffer.h>
 #include <tf2_ros/transform_listener.h>
 
-#include <algorithm>
-#include <limits>
-#include <string>
-#include <vector>
-
 #include "manager_test.hpp"
-#include "ros/odometry_output.hpp"
 
 namespace gsv {
 namespace {

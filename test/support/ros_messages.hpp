@@ -10,6 +10,13 @@
 
 namespace gsv {
 
+inline std_msgs::Header headerAt(const ros::Time& stamp, const std::string& frame_id = "camera") {
+  std_msgs::Header header;
+  header.stamp = stamp;
+  header.frame_id = frame_id;
+  return header;
+}
+
 inline geometry_msgs::TransformStamped transformBetween(const std::string& parent,
                                                         const std::string& child,
                                                         const Eigen::Isometry3d& T_parent_child) {

@@ -1,26 +1,16 @@
 #include "ground_scale_vo/ros/conversions.hpp"
 
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
-#include <functional>
-#include <limits>
-#include <random>
-#include <string>
 #include <tuple>
-#include <vector>
 
-#include "ground_scale_vo/common/error.hpp"
 #include "input/camera_info.hpp"
-#include "support/expect_throws.hpp"
+#include "support/ros_messages.hpp"
 #include "support/scene.hpp"
+#include "support/test.hpp"
 
 namespace gsv {
 namespace {
 
 constexpr float kNanF = std::numeric_limits<float>::quiet_NaN();
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 TEST(Nanoseconds, HoldAllStampsExactly) {
   constexpr auto kMaxSeconds = std::numeric_limits<std::uint32_t>::max();
@@ -66,10 +56,7 @@ VoFrame someFrame() {
 }
 
 VoFrameMsg message(const VoFrame& frame) {
-  std_msgs::Header header;
-  header.stamp = fromNanoseconds(frame.stamp_ns);
-  header.frame_id = "camera";
-  return *toMsg(frame, header);
+  return *toMsg(frame, headerAt(fromNanoseconds(frame.stamp_ns)));
 }
 
 TEST(VoFrameMsg, RoundTripIsExact) {
@@ -156,24 +143,19 @@ TEST(VoFrameMsg, RoundsQuaternionsAndDropsUnusablePointsAndUnknownCovariances) {
 }
 
 TEST(VoFrameMsg, MapStartMayBeUnknown) {
-  const VoFrame frame = someFrame();
-  const VoFrameMsg good = message(frame);
-  VoFrameMsg msg = good;  // an odometry that does not fill the fields
-  msg.map_start = ros::Time();
-  msg.map_start_rotation = geometry_msgs::Quaternion();
-  msg.map_start_rotation_sigma = 0;
-  EXPECT_EQ(fromMsg(msg).map_start.stamp_ns, 0);
-  EXPECT_FALSE(std::isfinite(fromMsg(msg).map_start.rotation_sigma));
-  for (const double unknown : {-1.0, std::nan(""), kInfinity}) {
-    msg.map_start = good.header.stamp;  // also of the first frame of the map
-    msg.map_start_rotation_sigma = unknown;
-    EXPECT_EQ(fromMsg(msg).map_start.stamp_ns, frame.stamp_ns);
-    EXPECT_EQ(fromMsg(msg).map_start.R_previous_w, Eigen::Matrix3d::Identity());
-    EXPECT_FALSE(std::isfinite(fromMsg(msg).map_start.rotation_sigma));
-  }
-  msg = good;
+  VoFrameMsg msg = message(someFrame());
   msg.map_start_rotation_sigma = 0;  // known, without an error
   EXPECT_EQ(fromMsg(msg).map_start.rotation_sigma, 0);
+  msg.map_start_rotation = geometry_msgs::Quaternion();
+  for (const double unknown : {-1.0, kNan, kInfinity, 0.0}) {
+    // 0: an odometry that does not fill the fields. Otherwise also the first frame of the map.
+    msg.map_start = unknown == 0 ? ros::Time() : msg.header.stamp;
+    msg.map_start_rotation_sigma = unknown;
+    const auto start = fromMsg(msg).map_start;
+    EXPECT_EQ(start.stamp_ns, toNanoseconds(msg.map_start));
+    EXPECT_EQ(start.R_previous_w, Eigen::Matrix3d::Identity());
+    EXPECT_FALSE(std::isfinite(start.rotation_sigma));
+  }
 }
 
 TEST(ScaleEstimateMsg, RoundTripIsExact) {
@@ -202,12 +184,14 @@ TEST(ScaleEstimateMsg, RoundTripIsExact) {
   };
   EXPECT_EQ(values(fromMsg(*msg)), values(scale));
   EXPECT_EQ(fromMsg(*msg).n_c, scale.n_c);
-  msg->source = 4;
-  expectThrows<DataError>([&] { fromMsg(*msg); }, "source is 4, it must lie in [0, 3]");
-  msg->reason = 10;
-  expectThrows<DataError>([&] { fromMsg(*msg); }, "reason is 10, it must lie in [0, 9]");
-  msg->status = 3;
-  expectThrows<DataError>([&] { fromMsg(*msg); }, "status is 3, it must lie in [0, 2]");
+  const std::pair<std::uint8_t ScaleEstimateMsg::*, const char*> kRefused[] = {
+      {&ScaleEstimateMsg::source, "source is 11, it must lie in [0, 3]"},
+      {&ScaleEstimateMsg::reason, "reason is 11, it must lie in [0, 9]"},
+      {&ScaleEstimateMsg::status, "status is 11, it must lie in [0, 2]"}};
+  for (const auto& [field, reason] : kRefused) {
+    (*msg).*field = 11;
+    expectThrows<DataError>([&] { fromMsg(*msg); }, reason);
+  }
 }
 
 template <typename... Enumerators>
@@ -239,8 +223,7 @@ TEST(CameraInfoMsg, CalibrationsAreTheSameInItWithAndWithoutRectification) {
   CameraCalibration camera{640, 480, 500, 510, 310, 230};
   camera.setDistortion("plumb_bob", {-0.2, 0.05, 0.001, -0.002, 0.01});
   const CameraInfo info = fromMsg(toCameraInfo(camera));
-  const CameraCalibration raw = readCameraInfo(info, "t", false);
-  EXPECT_EQ(raw.distortion, camera.distortion);
+  EXPECT_EQ(readCameraInfo(info, "t", false).distortion, camera.distortion);
   for (const bool is_rectified : {false, true}) {
     const CameraCalibration read = readCameraInfo(info, "t", is_rectified);
     EXPECT_EQ(read.describe().substr(0, read.describe().find("cy")),
@@ -249,7 +232,7 @@ TEST(CameraInfoMsg, CalibrationsAreTheSameInItWithAndWithoutRectification) {
   }
 }
 
-TEST(CompressedImage, KeepsABayerPatternThatFitsItsPixels) {
+TEST(CompressedImage, KeepsABayerPatternThatFitsItsPixelsAndItsFormatInAnError) {
   EXPECT_EQ(bayerPatternOf("bayer_rggb8; jpeg compressed "), "bayer_rggb8");
   EXPECT_EQ(bayerPatternOf("rgb8; jpeg compressed bgr8"), "");
   cv::Mat red(6, 8, CV_8UC1, cv::Scalar(0));  // a red surface in this pattern
@@ -258,9 +241,7 @@ TEST(CompressedImage, KeepsABayerPatternThatFitsItsPixels) {
   }
   EXPECT_NE(cv::norm(GreyConverter().convert(red, "bayer_rggb8"), red), 0);
   EXPECT_EQ(cv::norm(GreyConverter().convert(red, "bayer_rggb16"), red), 0);
-}
-
-TEST(CompressedImage, ThatCannotBeDecodedIsRefusedWithItsFormat) {
+  // One that cannot be decoded is refused with its format.
   sensor_msgs::CompressedImage image;
   image.format = "mono8; jpeg compressed ";
   expectThrows<DataError>([&] { decode(image); },

@@ -3,18 +3,12 @@
 
 #include "ros/diagnostics.hpp"
 
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <optional>
-#include <string>
-
+#include "common/text.hpp"
 #include "common/time.hpp"
-#include "ground_scale_vo/common/error.hpp"
 #include "ros/odometry_output.hpp"
 #include "scale/road.hpp"
-#include "support/expect_throws.hpp"
 #include "support/learned_height.hpp"
+#include "support/test.hpp"
 
 namespace gsv {
 namespace {
@@ -91,27 +85,69 @@ TfFrames onTf(const Eigen::Vector3d& up_c) {
   return frames;
 }
 
-/// The sentence for a transform on tf with these angles and an estimate [deg].
-std::string check(double tf_pitch, double tf_roll, double pitch, double roll, double sigma) {
-  const TfFrames frames = onTf(roadNormal(tf_pitch * kDegree, tf_roll * kDegree));
-  return mountingWarning(estimate(pitch, roll, sigma), std::nullopt, &frames, "camera");
+/// Pitch and roll [deg].
+struct Angles {
+  double pitch, roll;
+  std::string text() const { return format("pitch %.1f deg and roll %.1f deg", pitch, roll); }
+};
+
+/// The sentence for an estimate with this standard deviation [deg]; on_tf: the transform has these
+/// angles.
+std::string check(const std::optional<Angles>& on_tf, const Angles& measured, double sigma) {
+  std::optional<TfFrames> frames;
+  if (on_tf) frames = onTf(roadNormal(on_tf->pitch * kDegree, on_tf->roll * kDegree));
+  return mountingWarning(estimate(measured.pitch, measured.roll, sigma), std::nullopt,
+                         frames ? &*frames : nullptr, "camera");
 }
 
-std::string measured(double pitch, double roll, double sigma) {
-  return mountingWarning(estimate(pitch, roll, sigma), std::nullopt, nullptr, "camera");
-}
-
-TEST(MountingCheck, NamesAMeasuredMountingThatIsNotSupported) {
-  EXPECT_EQ(measured(1.8, -19.3, 0.3),
-            "on the road the camera has pitch 1.8 deg and roll -19.3 deg, but at most 20 deg of "
-            "pitch and 15 deg of roll are supported: distances may be wrong; mount the camera "
-            "upright or rotate its images");
-  EXPECT_NE(measured(25, 0, 0.3), "");
-  EXPECT_NE(measured(-25, 0, 0.3), "");
-  // At the limits the estimate may be beyond them.
-  EXPECT_EQ(measured(21.9, -16.9, 0.1), "");
-  EXPECT_EQ(measured(0, 18, 0.4), "");
-  EXPECT_EQ(measured(0, 25, 0.6), "");
+TEST(MountingCheck, NamesAMountingThatIsNotSupportedOrContradictsTf) {
+  enum Fault { kNone, kOfRoad, kOfTf, kContradiction };
+  const double unknown = Mounting({}).sigma() / kDegree;  // as constructed: the pitch is zero
+  const struct {
+    std::optional<Angles> on_tf;
+    Angles measured;
+    double sigma;
+    Fault fault;
+  } kCases[] = {{{}, {1.8, -19.3}, 0.3, kOfRoad},
+                {{}, {25, 0}, 0.3, kOfRoad},
+                {{}, {-25, 0}, 0.3, kOfRoad},
+                // At the limits the estimate may be beyond them.
+                {{}, {21.9, -16.9}, 0.1, kNone},
+                {{}, {0, 18}, 0.4, kNone},
+                {{}, {0, 25}, 0.6, kNone},
+                {{{0, 40}}, {1, -10}, 1.5, kOfTf},
+                {{{0, 0}}, {8, 0.02}, 0.1, kContradiction},
+                {{{-2, 5}}, {3, -6}, 0.1, kContradiction},
+                // The deviation may be due to the uncertainty.
+                {{{0, 0}}, {4, 0}, 0.1, kContradiction},
+                {{{0, 0}}, {4, 0}, 0.4, kNone},
+                {{{20, 15}}, {0, 0}, unknown, kNone}};
+  const std::string limits =
+      ", but at most 20 deg of pitch and 15 deg of roll are supported: distances may be wrong; "
+      "mount the camera upright or rotate its images";
+  for (const auto& c : kCases) {
+    const std::string warning = check(c.on_tf, c.measured, c.sigma);
+    std::string expected;
+    if (c.fault == kOfRoad) expected = "on the road the camera has " + c.measured.text() + limits;
+    if (c.fault > kOfRoad) {
+      expected = "tf mounts the camera \"camera\" on \"base_link\" with " + c.on_tf->text();
+      expected += c.fault == kOfTf ? limits : ", but on the road it has " + c.measured.text();
+    }
+    if (c.fault == kContradiction) expected += ": the path climbs or sinks by up to ";
+    EXPECT_EQ(warning.substr(0, std::max<std::size_t>(expected.size(), 1)), expected) << warning;
+  }
+  EXPECT_NE(check({{0, 0}}, {8, 0.02}, 0.1).find(" by up to 8.0 deg"), std::string::npos);
+  for (const double tilt : {-2.0, 0.0, 2.0}) {  // of a vehicle that rides so
+    for (const double pitch : {-3.0, 0.0, 20.0}) {
+      EXPECT_EQ(check({{pitch, 0}}, {pitch + tilt, 0}, 0.1), "");
+      EXPECT_EQ(check({{pitch, 10}}, {pitch, 10 + tilt}, 0.1), "");
+    }
+  }
+  // A base that is upside down or optical.
+  for (const Eigen::Vector3d& up_c : {Eigen::Vector3d(0, 1, 0), Eigen::Vector3d(0, 0, 1)}) {
+    const TfFrames frames = onTf(up_c);
+    EXPECT_NE(mountingWarning({}, std::nullopt, &frames, "camera"), "") << up_c.transpose();
+  }
 }
 
 VoFrame frameAt(const Eigen::Quaterniond& R_w_c) {
@@ -157,46 +193,7 @@ TEST(TurnAxis, ANewMapIsNoTurn) {
   EXPECT_FALSE(axis.upward());
 }
 
-TEST(MountingCheck, NamesAMountingOnTfThatIsNotSupported) {
-  EXPECT_EQ(
-      check(0, 40, 1, -10, 1.5),
-      "tf mounts the camera \"camera\" on \"base_link\" with pitch 0.0 deg and roll 40.0 deg, "
-      "but at most 20 deg of pitch and 15 deg of roll are supported: distances may be wrong; "
-      "mount the camera upright or rotate its images");
-  EXPECT_NE(check(180, 0, 1, -10, 1.5), "") << "upside down";
-}
-
-TEST(MountingCheck, NamesBothPitchesAndRollsAndTheConsequence) {
-  EXPECT_EQ(check(0, 0, 8, 0.02, 0.1),
-            "tf mounts the camera \"camera\" on \"base_link\" with pitch 0.0 deg and roll 0.0 deg, "
-            "but on the road it has pitch 8.0 deg and roll 0.0 deg: the path climbs or sinks by up "
-            "to 8.0 deg");
-  EXPECT_NE(check(-2, 5, 3, -6, 0.1)
-                .find("with pitch -2.0 deg and roll 5.0 deg, but on the road it "
-                      "has pitch 3.0 deg and roll -6.0 deg"),
-            std::string::npos);
-  ScaleRecovery::Output output;  // a base that is upside down or optical
-  for (const Eigen::Vector3d& up_c : {Eigen::Vector3d(0, 1, 0), Eigen::Vector3d(0, 0, 1)}) {
-    const TfFrames frames = onTf(up_c);
-    EXPECT_NE(mountingWarning(output, std::nullopt, &frames, "camera"), "") << up_c.transpose();
-  }
-}
-
-TEST(MountingCheck, AcceptsAVehicleThatRidesTiltedAndAnUncertainEstimate) {
-  for (const double tilt : {-2.0, 0.0, 2.0}) {
-    for (const double pitch : {-3.0, 0.0, 20.0}) {
-      EXPECT_EQ(check(pitch, 0, pitch + tilt, 0, 0.1), "");
-      EXPECT_EQ(check(pitch, 10, pitch, 10 + tilt, 0.1), "");
-    }
-  }
-  // As constructed: the pitch is zero, and not known.
-  EXPECT_EQ(check(20, 15, 0, 0, Mounting({}).sigma() / kDegree), "");
-  // The deviation may be due to the uncertainty.
-  EXPECT_EQ(check(0, 0, 4, 0, 0.4), "");
-  EXPECT_NE(check(0, 0, 4, 0, 0.1), "");
-}
-
-TEST(CameraHeight, IsSavedAsCalibrateHeightWritesIt) {
+TEST(CameraHeight, IsSavedAsCalibrateHeightWritesItOnceSpeedsHaveTaughtIt) {
   ScaleRecovery::Output measured = estimate(2, -1, 0.1);
   measured.scale = learned(1.65, 0.01);
   EXPECT_EQ(learnedHeightYaml(measured, 0),
@@ -209,22 +206,19 @@ TEST(CameraHeight, IsSavedAsCalibrateHeightWritesIt) {
             "pitch and roll:\n"
             "# rosrun tf2_ros static_transform_publisher 0 0 1.650 -1.57019 -0.01745 -1.60570 "
             "base_link CAMERA_FRAME\n");
-}
-
-TEST(CameraHeight, IsNotSavedBeforeSpeedsHaveTaughtIt) {
-  ScaleRecovery::Output measured = estimate(0, 0, 0.1);
-  const auto expectRefused = [&](double given_sigma, const char* reason) {
-    expectThrows<DataError>([&] { learnedHeightYaml(measured, given_sigma); }, reason);
-  };
-  expectRefused(0, "not known yet");
-  measured.scale = learned(1.65, 0);
-  expectRefused(0, "camera_height_sigma is 0");
-  measured.scale = learned(1.65, 0.1);
-  expectRefused(0, "its error is 11.9 % (95 %)");
-  measured.scale = learned(1.65, 0.019);
-  expectRefused(0.02, "speeds have not determined it yet");
-  measured.scale = learned(1.65, 0.01);
   EXPECT_NO_THROW(learnedHeightYaml(measured, 0.02));
+  const struct {
+    ScaleEstimate scale;
+    double given_sigma;
+    const char* reason;
+  } kRefused[] = {{{}, 0, "not known yet"},
+                  {learned(1.65, 0), 0, "camera_height_sigma is 0"},
+                  {learned(1.65, 0.1), 0, "its error is 11.9 % (95 %)"},
+                  {learned(1.65, 0.019), 0.02, "speeds have not determined it yet"}};
+  for (const auto& c : kRefused) {
+    measured.scale = c.scale;
+    expectThrows<DataError>([&] { learnedHeightYaml(measured, c.given_sigma); }, c.reason);
+  }
 }
 
 }  // namespace

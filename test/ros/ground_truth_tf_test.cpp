@@ -1,9 +1,7 @@
 #include "ground_scale_vo/ros_tools/ground_truth_tf.hpp"
 
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <string>
+#include "support/ros_messages.hpp"
+#include "support/test.hpp"
 
 namespace gsv {
 namespace {
@@ -11,14 +9,8 @@ namespace {
 /// A transform along x at a time [s].
 tf2_msgs::TFMessage transform(const std::string& parent, const std::string& child, double time,
                               double x) {
-  tf2_msgs::TFMessage message;
-  message.transforms.resize(1);
-  message.transforms[0].header.frame_id = parent;
-  message.transforms[0].header.stamp = ros::Time(time);
-  message.transforms[0].child_frame_id = child;
-  message.transforms[0].transform.translation.x = x;
-  message.transforms[0].transform.rotation.w = 1;
-  return message;
+  const Eigen::Isometry3d T_parent_child(Eigen::Translation3d(x, 0, 0));
+  return tfMessage(transformBetween(parent, child, T_parent_child), ros::Time(time));
 }
 
 /// The position along x; NaN if there is no pose.

@@ -1,15 +1,12 @@
 #include "ros/odometry_output.hpp"
 
-#include <gtest/gtest.h>
-
-#include <algorithm>
 #include <chrono>
-#include <random>
-#include <string>
 
 #include "ground_scale_vo/common/se3.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
+#include "support/ros_messages.hpp"
 #include "support/scene.hpp"
+#include "support/test.hpp"
 
 namespace gsv {
 namespace {
@@ -23,19 +20,11 @@ Vector6d vectorOf(const geometry_msgs::Twist& twist) {
   return vector;
 }
 
-/// blkdiag(R, R)
-Matrix6d blockRotation(const Eigen::Matrix3d& R) {
-  Matrix6d blocks = Matrix6d::Zero();
-  blocks.topLeftCorner<3, 3>() = blocks.bottomRightCorner<3, 3>() = R;
-  return blocks;
-}
-
 /// A covariance without zeros.
-Matrix6d someCovariance(unsigned seed) {
-  std::mt19937 random(seed);
+Matrix6d someCovariance() {
+  std::mt19937 random(1);
   std::normal_distribution<double> normal;
-  Matrix6d root;
-  for (int i = 0; i < root.size(); ++i) root(i) = normal(random);
+  const Matrix6d root = Matrix6d::NullaryExpr([&] { return normal(random); });
   return root * root.transpose();
 }
 
@@ -72,9 +61,7 @@ TEST(CameraOdometry, UpToScaleHasTheCovarianceOfThePoseAndNoTwist) {
   frame.camera = test::kCamera;
   frame.status = VoStatus::kTracking;
   frame.T_w_c = test::pose({0, 0.5, 0}, {1, 2, 3});
-  std_msgs::Header header;
-  header.frame_id = "camera";
-  header.stamp = ros::Time(5, 6);
+  const std_msgs::Header header = headerAt(ros::Time(5, 6));
   const auto unknown = toOdometryMsg(frame, header, "vo_world");
   EXPECT_EQ(unknown->pose.covariance[0], -1);
   EXPECT_EQ(unknown->header.frame_id, "vo_world");
@@ -83,7 +70,8 @@ TEST(CameraOdometry, UpToScaleHasTheCovarianceOfThePoseAndNoTwist) {
   frame.pose_covariance(0, 4) = frame.pose_covariance(4, 0) = 0.05;
   const auto odometry = toOdometryMsg(frame, header, "vo_world");
   const Covariance covariance(odometry->pose.covariance.data());
-  const Matrix6d R = blockRotation(frame.T_w_c.linear());
+  Matrix6d R = Matrix6d::Zero();
+  R.topLeftCorner<3, 3>() = R.bottomRightCorner<3, 3>() = frame.T_w_c.linear();
   EXPECT_TRUE(covariance.isApprox(R * frame.pose_covariance * R.transpose(), 1e-9));
   EXPECT_GT(covariance(0, 0), 0);
   EXPECT_EQ(odometry->twist.covariance[0], -1);
@@ -129,7 +117,7 @@ TEST_F(BaseOdometry, CovarianceAgreesWithFiniteDifferences) {
     const Covariance covariance(odometry.pose.covariance.data());
     EXPECT_LT((covariance - column * column.transpose()).norm(), 1e-3) << k;
   }
-  pose.covariance = someCovariance(1);
+  pose.covariance = someCovariance();
   const nav_msgs::Odometry odometry = message(pose);
   const Covariance covariance(odometry.pose.covariance.data());
   EXPECT_EQ(covariance, covariance.transpose()) << "exactly";
@@ -202,11 +190,7 @@ TEST(BoundedPath, StaysBoundedAndCoversTheWholeDrive) {
 }
 
 tf2_msgs::TFMessage transform(const std::string& parent, const std::string& child) {
-  tf2_msgs::TFMessage message;
-  message.transforms.resize(1);
-  message.transforms[0].header.frame_id = parent;
-  message.transforms[0].child_frame_id = child;
-  return message;
+  return tfMessage(transformBetween(parent, child, Eigen::Isometry3d::Identity()), ros::Time());
 }
 
 FrameParents::Clock::time_point at(double seconds) {

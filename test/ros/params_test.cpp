@@ -3,21 +3,15 @@
 
 #include "ros/params.hpp"
 
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <regex>
 #include <sstream>
-#include <string>
-#include <vector>
 
 #include "ground_scale_vo/common/options.hpp"
 #include "ground_scale_vo/metric_odometry.hpp"
-#include "support/expect_throws.hpp"
+#include "support/test.hpp"
 
 namespace gsv {
 namespace {

@@ -4,21 +4,14 @@
 
 #include <geometry_msgs/TwistStamped.h>
 #include <geometry_msgs/TwistWithCovarianceStamped.h>
-#include <gtest/gtest.h>
 #include <nav_msgs/Odometry.h>
 #include <std_msgs/Float32.h>
 #include <std_msgs/Float64.h>
 #include <std_msgs/String.h>
 
 #include <chrono>
-#include <cmath>
-#include <limits>
-#include <memory>
-#include <string>
-#include <vector>
 
-#include "ground_scale_vo/common/error.hpp"
-#include "support/expect_throws.hpp"
+#include "support/test.hpp"
 
 namespace gsv {
 namespace {
@@ -130,19 +123,22 @@ TEST_F(FrameImageSynchronization, AClockJumpDropsTheImagesBeforeIt) {
 
 TEST(FrameContinuity, CountsMissingFramesAndReportsNumbersThatCountNothing) {
   FrameContinuity continuity;
-  for (const std::uint32_t sequence : {3u, 4u, 7u}) continuity.receive(sequence);
-  EXPECT_EQ(continuity.missing(), 2u);
-  continuity.receive(0);  // a restart
-  EXPECT_EQ(continuity.sequenceError(), "");
-  continuity.receive(0);  // another one, before the second image
-  EXPECT_EQ(continuity.sequenceError(), "");
-  continuity.receive(0);
-  EXPECT_NE(continuity.sequenceError().find("sequence of vo/frame is 0 after 0: "),
-            std::string::npos);
-  continuity.receive(4000000000);
-  EXPECT_NE(continuity.sequenceError().find("is 4000000000 after 0: "), std::string::npos);
-  continuity.receive(0);
-  EXPECT_EQ(continuity.sequenceError(), "") << "the next number is valid";
+  const std::string error = "sequence of vo/frame is ";
+  // 0 is a restart; twice, another one before the second image.
+  const std::pair<std::uint32_t, std::string> kFrames[] = {
+      {3, ""},
+      {4, ""},
+      {7, ""},
+      {0, ""},
+      {0, ""},
+      {0, error + "0 after 0: "},
+      {4000000000, error + "4000000000 after 0: "},
+      {0, ""}};
+  for (const auto& [sequence, expected] : kFrames) {
+    continuity.receive(sequence);
+    EXPECT_EQ(continuity.sequenceError().find(expected), 0u) << continuity.sequenceError();
+    EXPECT_EQ(continuity.sequenceError().empty(), expected.empty()) << sequence;
+  }
   EXPECT_EQ(continuity.missing(), 2u);
 }
 
@@ -158,13 +154,13 @@ VoFrame numbered(FrameContinuity* continuity, std::uint32_t sequence, std::uint3
 
 // The first map after a restart relates to its first image, not to the last pose before it.
 TEST(FrameContinuity, ARestartedOdometryHasNewMapsOfUnknownRotation) {
-  constexpr double kUnknown = std::numeric_limits<double>::infinity();
   const struct {
     std::uint32_t sequence, map_id, numbered_map_id;
     double rotation_sigma;
-  } kFrames[] = {{0, 0, 0, 0.01},     {1, 0, 0, 0.01},     {5, 2, 2, 0.01}, {0, 0, 3, kUnknown},
-                 {1, 0, 3, kUnknown}, {2, 1, 4, 0.01},     {2, 1, 4, 0.01}, {0, 0, 5, kUnknown},
-                 {7, 3, 8, 0.01},     {5, 2, 11, kUnknown}};  // its maps 0 and 1 were not received
+  } kFrames[] = {
+      {0, 0, 0, 0.01},      {1, 0, 0, 0.01},      {5, 2, 2, 0.01}, {0, 0, 3, kInfinity},
+      {1, 0, 3, kInfinity}, {2, 1, 4, 0.01},      {2, 1, 4, 0.01}, {0, 0, 5, kInfinity},
+      {7, 3, 8, 0.01},      {5, 2, 11, kInfinity}};  // its maps 0 and 1 were not received
   FrameContinuity continuity;
   for (const auto& frame : kFrames) {
     const VoFrame result = numbered(&continuity, frame.sequence, frame.map_id);
@@ -177,8 +173,6 @@ TEST(FrameContinuity, ARestartedOdometryHasNewMapsOfUnknownRotation) {
     EXPECT_EQ(numbered(&continuity, sequence, 2).map_start.rotation_sigma, 0.01) << sequence;
   }
 }
-
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
 /// The message as a subscriber that does not know its type receives it.
 template <typename Message>
@@ -208,55 +202,52 @@ SpeedSample read(const Message& message, const std::string& md5 = {},
                  const std::string& unit = {}) {
   return SpeedReader(unit).read(received(message, md5), ros::Time(7, 8));
 }
-double speedOf(double x, double y, double z = 0) { return read(twistStamped(x, y, z)).speed; }
 
-TEST(Speeds, ReadsEveryType) {
-  const SpeedSample stamped = read(twistStamped(-2.5));
-  EXPECT_EQ(stamped.stamp_ns, 3000000004);
-  EXPECT_EQ(stamped.speed, -2.5);
-  EXPECT_EQ(stamped.sigma, 0);
-
-  geometry_msgs::TwistWithCovarianceStamped with_covariance;
-  with_covariance.header.stamp = ros::Time(5, 6);
-  with_covariance.twist.twist.linear.x = 7;
-  with_covariance.twist.covariance[0] = 0.25;
-  nav_msgs::Odometry odometry;
-  odometry.header = with_covariance.header;
-  odometry.twist = with_covariance.twist;
-  for (const SpeedSample& sample : {read(with_covariance), read(odometry)}) {
-    EXPECT_EQ(sample.stamp_ns, 5000000006);
-    EXPECT_EQ(sample.speed, 7);
-    EXPECT_EQ(sample.sigma, 0.5);
-  }
+/// A message with a stamp, a velocity along x and its variance.
+template <typename Message>
+Message withCovariance(double x, double variance) {
+  Message message;
+  message.header.stamp = ros::Time(3, 4);
+  message.twist.twist.linear.x = x;
+  message.twist.covariance[0] = variance;
+  return message;
+}
+nav_msgs::Odometry odometry(double x, double variance) {
+  return withCovariance<nav_msgs::Odometry>(x, variance);
 }
 
 TEST(Speeds, HaveTheUnitThatIsStatedAndTheTimeOfArrivalWithoutAStamp) {
+  using Twist = geometry_msgs::TwistWithCovarianceStamped;
   std_msgs::Float64 number;
   number.data = -36;
   std_msgs::Float32 small;
   small.data = -36;
-  for (const SpeedSample& sample : {read(number, {}, "kmh"), read(small, {}, "kmh")}) {
-    EXPECT_EQ(sample.stamp_ns, 7000000008);
-    EXPECT_DOUBLE_EQ(sample.speed, -10);
+  const struct {
+    SpeedSample sample;
+    double speed, sigma;
+    std::int64_t stamp_ns = 3000000004;
+  } kCases[] = {{read(twistStamped(-2.5)), -2.5, 0},
+                {read(withCovariance<Twist>(7, 0.25)), 7, 0.5},
+                {read(odometry(7, 0.25)), 7, 0.5},
+                {read(number, {}, "kmh"), -10, 0, 7000000008},
+                {read(small, {}, "kmh"), -10, 0, 7000000008},
+                {read(number, {}, "mps"), -36, 0, 7000000008},
+                {read(twistStamped(2000), {}, "mmps"), 2, 0},
+                {read(odometry(0, 3.6 * 3.6), {}, "kmh"), 0, 1}};
+  for (const auto& c : kCases) {
+    EXPECT_DOUBLE_EQ(c.sample.speed, c.speed);
+    EXPECT_DOUBLE_EQ(c.sample.sigma, c.sigma);
+    EXPECT_EQ(c.sample.stamp_ns, c.stamp_ns);
   }
-  EXPECT_DOUBLE_EQ(read(number, {}, "mps").speed, -36);
-  EXPECT_DOUBLE_EQ(read(twistStamped(2000), {}, "mmps").speed, 2);
-  nav_msgs::Odometry odometry;
-  odometry.header.stamp = ros::Time(1, 0);
-  odometry.twist.covariance[0] = 3.6 * 3.6;
-  EXPECT_DOUBLE_EQ(read(odometry, {}, "kmh").sigma, 1);
-}
-
-TEST(Speeds, IgnoresAnUnknownCovariance) {
-  nav_msgs::Odometry odometry;
-  odometry.header.stamp = ros::Time(1, 0);
-  for (const double variance : {0.0, -1.0, kNan, std::numeric_limits<double>::infinity(), 1e6}) {
-    odometry.twist.covariance[0] = variance;
-    EXPECT_EQ(read(odometry).sigma, 0) << variance;
+  for (const double unknown : {0.0, -1.0, kNan, kInfinity, 1e6}) {
+    EXPECT_EQ(read(odometry(0, unknown)).sigma, 0) << unknown;
   }
 }
 
 TEST(Speeds, TheAxesOfTheVelocityDoNotMatter) {
+  const auto speedOf = [](double x, double y, double z = 0) {
+    return read(twistStamped(x, y, z)).speed;
+  };
   EXPECT_DOUBLE_EQ(speedOf(-4, 3), -5) << "reverse, of a point that also moves sideways";
   EXPECT_DOUBLE_EQ(speedOf(3, -4), 5);
   EXPECT_DOUBLE_EQ(speedOf(0, 0, 9), 9) << "optical axes";
@@ -287,7 +278,7 @@ TEST(Speeds, RefusesWhatIsNoSpeedWithTheReason) {
   geometry_msgs::TwistStamped without_stamp = twistStamped(1);
   without_stamp.header.stamp = ros::Time();
   expectThrows<DataError>([&] { read(without_stamp); }, "stamp of zero");
-  for (const double x : {kNan, std::numeric_limits<double>::infinity()}) {
+  for (const double x : {kNan, kInfinity}) {
     expectThrows<DataError>([&] { read(twistStamped(x)); }, "is not finite");
   }
   expectThrows<DataError>([&] { read(twistStamped(1), "another"); }, "cannot be read: ");

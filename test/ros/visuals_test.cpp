@@ -1,11 +1,8 @@
 #include "ros/visuals.hpp"
 
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <vector>
-
 #include "ground_scale_vo/ros/conversions.hpp"
+#include "support/ros_messages.hpp"
+#include "support/test.hpp"
 
 namespace gsv {
 namespace {
@@ -48,8 +45,7 @@ TEST(TrackPainting, MarksShowAgePointRejectionAndMask) {
   VoFrame frame;
   frame.features = {feature(1, 100, 0), feature(2, 150, 5), feature(3, 200, 100),
                     feature(4, 300, 10, false), feature(5, kImageWidth - 1, 3)};
-  std_msgs::Header header;
-  header.frame_id = "camera";
+  const std_msgs::Header header = headerAt(ros::Time());
   const auto message =
       paintTracks(rightMasked(), frame, nullptr, {{6, {400.f, kRow}, true}}, header);
   EXPECT_EQ(message->encoding, "bgr8");
@@ -107,8 +103,7 @@ TEST(PlaneMarker, LiesOnTheRoadAheadInMetres) {
   scale.n_c = {0, -std::cos(0.1), -std::sin(0.1)};
   scale.height = 0.5;
   scale.scale = 3.3;
-  std_msgs::Header header;
-  header.frame_id = "camera";
+  const std_msgs::Header header = headerAt(ros::Time());
   const auto quad = toPlaneMarker(scale, header);
   EXPECT_EQ(quad->header.frame_id, "camera");
   // Its z is the normal, its x points ahead, its centre is on the road ahead.

@@ -27,6 +27,17 @@ TEST(RunRecord, BackfillsTheStartWithoutAJump) {
   EXPECT_EQ(zOf(run.record().unscaledPoses()), (std::vector<double>{0, 0, 1.5, 3, 4, 5, 6}));
   EXPECT_EQ(run.record().trackedFrames(), 6u);
   EXPECT_EQ(run.record().lostEvents(), 0u);
+
+  std::vector<ScaleRecovery::Smoothed> smoothed(7);
+  for (std::size_t i = 5; i < 7; ++i) {
+    smoothed[i].scale.status = ScaleStatus::kOk;
+    smoothed[i].scale.scale = 3;
+    smoothed[i].pose.emplace();
+    smoothed[i].pose->T_o_c = ahead(3.0 * static_cast<double>(i));
+  }
+  RunRecord record = run.record();
+  record.smooth(smoothed);
+  EXPECT_EQ(zOf(record.metricPoses()), (std::vector<double>{0, 0, 4.5, 9, 12, 15, 18}));
 }
 
 TEST(RunRecord, HoldsTheLastPoseFromALossUntilTheNextMapHasItsScale) {

@@ -59,6 +59,7 @@ TEST_F(SelfCalibration, FindsThePlantedDistortionAndContinuesTheMap) {
   EXPECT_TRUE(refined.lens.camera.lens_is_estimated);
   std::set<std::uint64_t> before;
   bool has_changed = false;
+  std::uint64_t first_new = 0;  // id of a feature
   TwistErrors after_change;
   for (std::size_t i = 1; i < outputs.size(); ++i) {
     const VoFrame& frame = outputs[i].vo.frame;
@@ -66,6 +67,7 @@ TEST_F(SelfCalibration, FindsThePlantedDistortionAndContinuesTheMap) {
     EXPECT_EQ(frame.map_id, 0u);
     if (outputs[i].vo.frame.continuity == Continuity::kOtherLens && !has_changed) {
       has_changed = true;
+      first_new = frame.features.front().id;
       EXPECT_TRUE(frame.keyframe);
       EXPECT_NE(outputs[i].vo.image.grey.data, outputs[i - 1].vo.image.grey.data);
       for (const TrackedFeature& feature : frame.features) {
@@ -73,6 +75,9 @@ TEST_F(SelfCalibration, FindsThePlantedDistortionAndContinuesTheMap) {
       }
     }
     for (const TrackedFeature& feature : frame.features) before.insert(feature.id);
+    for (const RejectedFeature& rejected : outputs[i].vo.rejected) {
+      EXPECT_GE(rejected.id, first_new) << i;
+    }
     if (!outputs[i].pose() || !outputs[i - 1].pose()) continue;
     const Eigen::Isometry3d step =
         outputs[i - 1].pose()->T_o_c.inverse() * outputs[i].pose()->T_o_c;
@@ -211,6 +216,12 @@ TEST_F(SelfCalibration, AZoomEndsThePreparationOfAnotherLens) {
   EXPECT_EQ(zooms.back(), 1);
   ASSERT_FALSE(changes.empty());
   EXPECT_GE(changes.front(), first + kZoomed);
+
+  for (std::size_t i = first + kZoomed; i < images.size(); ++i) {
+    images[i] = zoomed(images[i], drive.camera(), 1.2);
+  }
+  run();
+  EXPECT_TRUE(changes.empty()) << "the lens of a zoomed camera";
 }
 
 TEST_F(SelfCalibration, KeepsAnExactLens) {

@@ -80,6 +80,9 @@ TEST(DriveReader, UsesTheImagesAndSaysWhatIsWrong) {
       {{100, 100.5, 101, 0, 0.5, 1},
        {100, 100.5, 101, 101.5, 102, 102.5},
        "the stamps start again 1 time"},
+      {{100, 100.5, 101, 0, 0.5, 1, 7, 7.5, 0, 0.5},
+       {100, 100.5, 101, 101.5, 102, 102.5, 108.5, 109, 109.5, 110},
+       "the stamps start again 2 times"},
       // At most a quarter is left out.
       {{0, 0, 0.1, 0.2, 0.3, 0.3, 0.4, 0.5},
        {0, -1, 0.1, 0.2, 0.3, -1, 0.4, 0.5},

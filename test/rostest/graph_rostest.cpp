@@ -400,10 +400,13 @@ TEST_F(Graph, TheCameraIsRefinedWhileDriving) {
   pair.setParam("mono_vo", "odometry/readout_time", 0.001);
   ASSERT_TRUE(pair.load());
   TopicRecorder<sensor_msgs::CameraInfo> infos(handle_, "/refined/refined_camera_info");
+  TopicRecorder<sensor_msgs::Image> masks(handle_, "/refined/vo/mask");
+  ASSERT_TRUE(waitUntil([&] { return masks.connected(); }));
   EXPECT_FALSE(callTrigger("/refined/mono_vo/save_camera"));
   ASSERT_TRUE(pair.playAll());
   ASSERT_TRUE(infos.waitForCount(1));
   EXPECT_NEAR(infos.last()->D.at(0), 0.05, 0.02);
+  EXPECT_TRUE(masks.waitForCount(2)) << "that of the better lens";
   ASSERT_TRUE(callTrigger("/refined/mono_vo/save_camera"));
   EXPECT_TRUE(readCameraFile(file).estimated);
   EXPECT_EQ(readCameraFile(file).readout_time, 0.001);

@@ -1,6 +1,7 @@
 // A vehicle that publishes its speed: the camera height is learned and saved; speeds that cannot be
 // used.
 
+#include <geometry_msgs/TwistStamped.h>
 #include <geometry_msgs/TwistWithCovarianceStamped.h>
 #include <std_msgs/Float64.h>
 #include <unistd.h>
@@ -84,13 +85,23 @@ TEST_F(Speed, ThatIsMissingOrOfAnotherTypeIsReportedAndTheRoadIsMeasured) {
   EXPECT_EQ(pair.scales.last()->source, ScaleEstimateMsg::SOURCE_ROAD);
   EXPECT_EQ(pair.scales.last()->camera_height, height());
 
-  const ros::Publisher numbers = handle_.advertise<std_msgs::Float64>("/mute/speed", 10);
+  ros::Publisher numbers = handle_.advertise<std_msgs::Float64>("/mute/speed", 10);
   ASSERT_TRUE(waitUntil([&] { return numbers.getNumSubscribers() > 0; }));
   numbers.publish(std_msgs::Float64());
   const std::string error = "speed on /mute/speed has the type std_msgs/Float64, whose unit is not";
   EXPECT_TRUE(diagnostics_.waitForSummary("mute/scale_recovery", Status::ERROR, error));
   EXPECT_TRUE(waitForLine(error));
   ASSERT_TRUE(pair.play(kFrames / 2 + 1, kFrames - 1));
+  numbers.shutdown();
+  const ros::Publisher twists = handle_.advertise<geometry_msgs::TwistStamped>("/mute/speed", 10);
+  ASSERT_TRUE(waitUntil([&] { return twists.getNumSubscribers() > 0; }));
+  geometry_msgs::TwistStamped twist;
+  twist.header.stamp = pair.lastStamp();
+  twist.twist.linear.x = speed(kFrames - 1);
+  twists.publish(twist);
+  EXPECT_TRUE(diagnostics_.waitForStatus("mute/scale_recovery", [&](const Status& status) {
+    return status.message.find(error) == std::string::npos;
+  })) << "the error does not end";
   pair.expectTrueLength();
 }
 

@@ -327,6 +327,23 @@ TEST(ScaleFilter, BiasedPointsDoNotRestartWhileDirectMeasurementsAgree) {
 
 // Measurement errors larger or smaller than modelled change sigma, by a factor that the gate
 // limits; the gain does not depend on them.
+TEST(ScaleFilter, RejectedSpeedsBetweenAcceptedOnesDoNotRestart) {
+  Filter filter = convergedFilter();
+  const double scale = filter.scale();
+  for (int i = 0; i < 200; ++i) {
+    filter.predict(0.5, 0);
+    filter.updateSpeed(i % 2 == 0 ? scale : 1.15 * scale, 0.01);
+    ASSERT_NEAR(filter.scale(), scale, 0.02 * scale) << i;
+  }
+}
+
+TEST(ScaleFilter, SigmaContainsTheFactorOfTheSpeeds) {
+  ScaleFilter filter({}, {0, 0, 0.03});
+  filter.predict(1, 0, 0.02);
+  ASSERT_TRUE(filter.updateSpeed(2, 0.01));
+  EXPECT_NEAR(filter.scaleSigma() / filter.scale(), std::hypot(0.03, 0.01), 1e-3);
+}
+
 TEST(ScaleFilter, SigmaIsScaledByTheNis) {
   // Ratio of the variances, for an error of ln h. A measurement has a standard deviation of 0.015.
   const auto ratio = [](double error) {
@@ -344,6 +361,13 @@ TEST(ScaleFilter, SigmaIsScaledByTheNis) {
   EXPECT_NEAR(ratio(0.03) / ratio(0.01), 9, 2);  // 9 without the limits
   EXPECT_GT(ratio(1), 3);
   EXPECT_LT(ratio(1), 10);
+  // What the camera height contributes is not: the measurements contain nothing of it.
+  ScaleFilter filter({}, {1.65, 0.05, 0});
+  for (int i = 0; i < 1000; ++i) {
+    filter.predict(1, 0, 0.02);
+    filter.update(0.8, 0, kRoadDistance, ScaleFilter::Source::kFeatureBased);
+  }
+  EXPECT_GT(filter.scaleSigma() / filter.scale(), 0.05 / 1.65);
 }
 
 }  // namespace

@@ -49,9 +49,9 @@ std::vector<Scene> degenerateScenes() {
   add("line along the optical axis", [](int i) { return Point(0, 0, 5 + i); });
   add("wall", [&](int i) { return Point(across(i), 0.3 * std::sin(7.0 * i), 12); });
   add("all points coincide", [](int) { return Point(0.4, 0.1, 9); });
-  add("behind", [&](int i) { return -random(i); });
-  add("far", [&](int i) { return 1e12 * random(i); });
-  add("near", [&](int i) { return 1e-12 * random(i); });
+  add("behind", [&](int i) { return Point(-random(i)); });
+  add("far", [&](int i) { return Point(1e12 * random(i)); });
+  add("near", [&](int i) { return Point(1e-12 * random(i)); });
   return scenes;
 }
 

@@ -111,6 +111,7 @@ TEST(Mapping, KeyframesAtOnePlaceReplaceEachOther) {
   const auto points = test::farPoints(150);
   Mapping mapping(test::kCamera, {});
   const auto& keyframes = mapping.map().keyframes();
+  const Vector6d readout_motion = Vector6d::LinSpaced(0.1, 0.6);
   const auto add = [&](const Eigen::Isometry3d& T_w_c, std::uint64_t first_id = 0) {
     std::vector<Feature> features;
     for (const Observation& corner : observe(points, T_w_c)) {
@@ -121,7 +122,8 @@ TEST(Mapping, KeyframesAtOnePlaceReplaceEachOther) {
       features.push_back(feature);
     }
     double duration_ms = 0;
-    mapping.addKeyframe(T_w_c, features, {});
+    mapping.addKeyframe(T_w_c, features, {}, readout_motion);
+    EXPECT_EQ(keyframes.back().readout_motion, readout_motion);
     mapping.applyAdjustment(&duration_ms);
   };
   mapping.map().addKeyframe(keyframePose(0), observe(points, keyframePose(0)));

@@ -48,7 +48,7 @@ TEST(RollingShutter, MapPointsAreShiftedToTheStamp) {
   for (std::size_t i = 0; i < features.size(); ++i) {
     const double before = (features[i].u - expected[i]).norm();
     EXPECT_GT(before, 1) << i;
-    EXPECT_LT((features[i].atStamp() - expected[i]).norm(), 0.05 * before) << i;
+    EXPECT_LT((features[i].atStamp() - expected[i]).norm(), 0.01 * before) << i;
     const double share = std::abs(kRollingCamera.readoutShare(features[i].u.y()));
     EXPECT_DOUBLE_EQ(features[i].to_stamp_sigma, 0.002 * share) << i;
   }

@@ -86,6 +86,20 @@ class WallTest : public testing::Test {
 
 class PoseSearchTest : public WallTest {};
 
+TEST_F(PoseSearchTest, AnInterruptionBeginsWithoutTheImagesOfTheOneBefore) {
+  std::vector<cv::Point2f> corners;
+  for (const Feature& feature : features_) corners.push_back(toCv(feature.u));
+  const cv::Mat image = wallFrom(Eigen::Isometry3d::Identity());
+  Interruption interruption(kCamera);
+  for (const double sigma : {0.01, 0.2}) {
+    RelativeRotation rotation;
+    rotation.sigma = sigma;
+    interruption.addImage(rotation, {image, corners});
+    EXPECT_EQ(interruption.rotation().sigma, sigma);
+    interruption.end();
+  }
+}
+
 TEST_F(PoseSearchTest, FindsThePoseAfterATurnOrAChangeOfPitchOrSpeed) {
   for (const double yaw : {-0.45, 0.3}) {
     SCOPED_TRACE(yaw);

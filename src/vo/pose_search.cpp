@@ -81,7 +81,7 @@ class ScaledPatches {
 
   double factor() const { return factor_; }  ///< resized over original pixels
   cv::Size size() const { return to_.size(); }
-  /// The nearest resized pixel; of a projection far outside the image, one that is far outside, too.
+  /// The nearest resized pixel; of a projection far outside the image, one that is outside, too.
   cv::Point resized(const Eigen::Vector2d& u) const {
     constexpr double kFar_px = 1e6;
     const cv::Point2f at = scaled(u.cwiseMin(kFar_px).cwiseMax(-kFar_px), factor_);

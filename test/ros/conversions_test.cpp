@@ -3,7 +3,7 @@
 #include <tuple>
 
 #include "input/camera_info.hpp"
-#include "support/ros_messages.hpp"
+#include "ros/ros_messages.hpp"
 #include "support/scene.hpp"
 #include "support/test.hpp"
 

@@ -1,6 +1,6 @@
 #include "ground_scale_vo/ros_tools/ground_truth_tf.hpp"
 
-#include "support/ros_messages.hpp"
+#include "ros/ros_messages.hpp"
 #include "support/test.hpp"
 
 namespace gsv {

@@ -4,7 +4,7 @@
 
 #include "ground_scale_vo/common/se3.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
-#include "support/ros_messages.hpp"
+#include "ros/ros_messages.hpp"
 #include "support/scene.hpp"
 #include "support/test.hpp"
 

@@ -1,7 +1,7 @@
 #include "ros/visuals.hpp"
 
 #include "ground_scale_vo/ros/conversions.hpp"
-#include "support/ros_messages.hpp"
+#include "ros/ros_messages.hpp"
 #include "support/test.hpp"
 
 namespace gsv {

@@ -14,9 +14,9 @@
 
 #include "graph.hpp"
 #include "ground_scale_vo/ros/conversions.hpp"
+#include "ros/ros_messages.hpp"
 #include "simulation/synthetic_drive.hpp"
 #include "support/drive_run.hpp"
-#include "support/ros_messages.hpp"
 
 namespace gsv {
 

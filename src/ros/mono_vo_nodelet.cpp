@@ -105,7 +105,7 @@ class MonoVoNodelet : public StageNodelet {
   std::string camera_info_error_;  ///< of the last camera_info; empty: it was accepted
   std::string image_error_;        ///< of the last image that was dropped
   std::deque<ReceivedImage> images_;
-  ros::WallTimer info_patience_;  ///< since the last image
+  ros::WallTimer info_patience_;  ///< runs while an image waits
   std::uint64_t dropped_from_queue_ = 0;
   bool processing_scheduled_ = false;
   std::unique_ptr<StampFilter> stamp_filter_;
@@ -266,14 +266,13 @@ void MonoVoNodelet::store(const ReceivedImage& image) {
     ++dropped_from_queue_;
   }
   images_.push_back(image);
-  info_patience_.stop();
-  info_patience_.start();
   scheduleProcessing();
 }
 
 void MonoVoNodelet::scheduleProcessing() {
   if (processing_scheduled_ || images_.empty() || !input_->isReady()) return;
-  if (awaitsCameraInfo()) return;
+  if (awaitsCameraInfo()) return info_patience_.start();
+  info_patience_.stop();
   processing_scheduled_ = true;
   post([this] {
     processing_scheduled_ = false;

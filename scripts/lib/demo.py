@@ -24,7 +24,7 @@ from environment import LIB, Parser, build, private_master, run
 
 # What the demo runs.
 TARGETS = ("ground_scale_vo_generate_messages", "ground_scale_vo_nodelets", "render_drive", "kitti_to_bag",
-           "ground_truth_relay", "evaluate_bag", "run_sequence")
+           "ground_truth_relay", "evaluate_bag")
 PROGRESS_PERIOD_S = 10  # in a log; on a terminal one line is overwritten
 USUAL_HEIGHTS_M = 0.2, 5.0  # as in scale_options.hpp; the launch files have no unusual_height
 OUTPUTS = ("recorded.bag", "roslaunch.log", "metrics.json", "run.json", "poses.txt", "poses_unscaled.txt", "ground_truth.txt",

@@ -336,10 +336,13 @@ TEST_F(Graph, TheRegionOfAMaskIsNotUsedButTinted) {
   TopicRecorder<sensor_msgs::Image> vo_masks(handle_, "/masked/vo/mask");
   ASSERT_TRUE(waitUntil([&] { return display.connected() && vo_images.connected(); }));
   ASSERT_TRUE(pair.playAll());
+  std::size_t features = 0;
   for (const auto& frame : pair.frames.messages()) {
     EXPECT_GT(frame->v.size(), 50u);
+    features += frame->v.size();
     for (const float row : frame->v) ASSERT_LT(row, top);
   }
+  EXPECT_GT(features, 100 * drive.size());
   const auto scales = pair.scales.messages();
   ASSERT_EQ(scales.size(), drive.size());
   OfflineRun offline(options.camera, optionsFor(options.camera_height), mask);

@@ -101,8 +101,16 @@ TEST_F(Speed, ThatIsMissingOrOfAnotherTypeIsReportedAndTheRoadIsMeasured) {
   pair.expectTrueLength();
 }
 
-// Without a height there are no metres.
-TEST_F(Speed, InAnotherUnitIsAnError) {
+// The metres are those of the height; without one there are none.
+TEST_F(Speed, InAnotherUnitIsAnErrorThatNamesIt) {
+  NodeletPair given(manager_, *drive_, "/given");
+  given.setParam("scale_recovery", "use_speed", true);
+  ASSERT_TRUE(given.load());
+  play(given, "/given", 3.6);
+  given.expectTrueLength();
+  EXPECT_TRUE(diagnostics_.waitForSummary("given/scale_recovery", Status::ERROR,
+                                          "it looks like km/h taken as m/s"));
+
   NodeletPair unknown(manager_, *drive_, "/unknown");
   ros::param::del("/unknown/scale_recovery/camera_height");
   unknown.setParam("scale_recovery", "use_speed", true);

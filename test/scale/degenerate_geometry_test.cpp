@@ -1,20 +1,12 @@
 // Degenerate input: failures are reported by a status, and no output is NaN or infinite.
 
-#include <gtest/gtest.h>
-
-#include <functional>
-#include <limits>
-#include <string>
-
 #include "ground_scale_vo/common/math.hpp"
 #include "ground_scale_vo/scale/scale_recovery.hpp"
 #include "support/road_image.hpp"
+#include "support/test.hpp"
 
 namespace gsv {
 namespace {
-
-constexpr double kNotANumber = std::numeric_limits<double>::quiet_NaN();
-constexpr double kInf = std::numeric_limits<double>::infinity();
 
 RoadScene road() {
   RoadScene scene;
@@ -59,10 +51,10 @@ TEST(DegenerateRoad, OneInvalidFrameDoesNotAffectTheNextOnes) {
       [](float bad, TrackedFeature* f) { f->p_c.z() = bad; },
       [](float bad, TrackedFeature* f) { f->depth_sigma = bad; },
       [](float bad, TrackedFeature* f) { f->u.x() = bad; }};
-  for (const double number : {kNotANumber, kInf, -kInf, 1e300, 1e30, -1e30, 1e10}) {
+  for (const double number : {kNan, kInfinity, -kInfinity, 1e300, 1e30, -1e30, 1e10}) {
     SCOPED_TRACE(number);
     expectSurvives([&](VoFrame& f) { f.T_w_c.translation().x() = number; });
-    expectSurvives([&](VoFrame& f) { f.T_w_c.linear()(1, 1) = number > 1 ? kNotANumber : number; });
+    expectSurvives([&](VoFrame& f) { f.T_w_c.linear()(1, 1) = number > 1 ? kNan : number; });
     for (const auto change : kChanges) {
       expectSurvives([&](VoFrame& f) {
         for (auto& feature : f.features) change(static_cast<float>(number), &feature);

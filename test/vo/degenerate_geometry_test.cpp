@@ -1,15 +1,9 @@
 // Degenerate input gives a failure status or a finite result, never a NaN.
 
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <functional>
-#include <limits>
-#include <string>
-
 #include "ground_scale_vo/common/math.hpp"
 #include "ground_scale_vo/vo/vo_frame.hpp"
 #include "support/scene.hpp"
+#include "support/test.hpp"
 #include "support/texture.hpp"
 #include "vo/alignment.hpp"
 #include "vo/bundle_adjustment.hpp"
@@ -25,9 +19,6 @@ using test::normalised;
 using test::pose;
 using test::randomPoints;
 using test::testCamera;
-
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-constexpr double kInf = std::numeric_limits<double>::infinity();
 
 struct Scene {
   std::string name;
@@ -84,7 +75,7 @@ TEST(DegenerateGeometry, TwoViewsGiveAFiniteMotionOrNone) {
     }
     ++motion;
   }
-  for (const double bad : {kNan, kInf, -kInf, 1e300}) {
+  for (const double bad : {kNan, kInfinity, -kInfinity, 1e300}) {
     const std::vector<Eigen::Vector2d> u(200, {bad, 5});
     EXPECT_FALSE(estimateMotion(testCamera(), u, u)) << bad;
   }
@@ -92,8 +83,8 @@ TEST(DegenerateGeometry, TwoViewsGiveAFiniteMotionOrNone) {
 
 TEST(DegenerateGeometry, TriangulationIsFiniteOrEmpty) {
   const Eigen::Vector3d ray(0.1, 0.05, 1);
-  for (const double t : {0.0, 1e-200, 1e-9, 1.0, 1e9, 1e200, kNan, kInf}) {
-    for (const double x : {0.1, -5.0, 1e9, 1e200, kNan, kInf}) {
+  for (const double t : {0.0, 1e-200, 1e-9, 1.0, 1e9, 1e200, kNan, kInfinity}) {
+    for (const double x : {0.1, -5.0, 1e9, 1e200, kNan, kInfinity}) {
       for (const double sigma : {1e-3, 1e-200, 1e200, kNan}) {
         const auto point =
             triangulate(ray, {pose({0, 0, 0}, {t, 0, 0}), pose({0, 0.1, 0}, {0, t, 0})},
@@ -160,7 +151,7 @@ TEST(DegenerateGeometry, InvalidPredictionsAndWarpsGiveFiniteResultsOrNone) {
   const ImagePyramid pyramid = trackingPyramid(image);
   const Eigen::Matrix2d identity = Eigen::Matrix2d::Identity();
   const Eigen::Vector2d u(50, 50);
-  for (const double bad : {kNan, kInf, 1e30, -1e30}) {
+  for (const double bad : {kNan, kInfinity, 1e30, -1e30}) {
     const auto tracks =
         trackPoints(pyramid, pyramid, {{50, 50}}, {{static_cast<float>(bad), 50}}, {});
     EXPECT_TRUE(!tracks[0] || areFinite(tracks[0]->x, tracks[0]->y)) << bad;
@@ -186,7 +177,7 @@ TEST(DegenerateGeometry, UnusablePointsAreDetected) {
   EXPECT_FALSE(hasUsablePoint({}));
   EXPECT_TRUE(isUsable(1, 3, 0.1f));
   EXPECT_FALSE(isUsable(1, 0, 0.1f));
-  for (const double number : {kNan, kInf, -kInf, 1e10, -1e30}) {
+  for (const double number : {kNan, kInfinity, -kInfinity, 1e10, -1e30}) {
     const auto bad = static_cast<float>(number);
     EXPECT_FALSE(isUsable(bad, 3, 0.1f) || isUsable(1, bad, 0.1f) || isUsable(1, 3, bad)) << bad;
   }

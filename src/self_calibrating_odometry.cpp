@@ -85,6 +85,12 @@ class LensOdometry {
   Eigen::Isometry3d T_w_v_ = Eigen::Isometry3d::Identity();
 };
 
+/// The odometry with a better lens, until it replaces the current one.
+struct NextOdometry {
+  std::unique_ptr<LensOdometry> odometry;
+  std::map<std::int64_t, Eigen::Vector3d> positions_w;  ///< of the current one, by stamp
+};
+
 struct SelfCalibratingOdometry::Impl {
   Impl(const CameraCalibration& camera_in, const Options& options_in, const cv::Mat& mask_in)
       : options((requireInRanges(options_in), options_in)),
@@ -100,13 +106,12 @@ struct SelfCalibratingOdometry::Impl {
   const Options options;
   const CameraCalibration camera;  ///< of the images as they come, as is the mask
   const cv::Mat mask;
-  std::unique_ptr<LensOdometry> current, next;
+  std::unique_ptr<LensOdometry> current;
+  std::optional<NextOdometry> next;
   std::future<std::unique_ptr<LensOdometry>> prepared;  ///< becomes `next`
   LensRefinement refinement;
   std::optional<LensEstimate> better_lens;  ///< until `current` has it
   std::uint64_t first_unused_id = 0;
-  /// Of `current` since the start of `next`, by stamp.
-  std::map<std::int64_t, Eigen::Vector3d> positions_w;
 };
 
 /// Prepares an odometry with the better lens, on another thread, as it takes longer than an image.
@@ -120,15 +125,15 @@ void SelfCalibratingOdometry::Impl::startNext(const cv::Mat& image, Output* outp
   if (!output->frame.keyframe) return;
   const bool is_ready = prepared.wait_for(std::chrono::seconds(0)) == std::future_status::ready;
   if (!is_ready && !options.refinement.deterministic) return;
-  next = prepared.get();
-  positions_w.clear();
-  warmUp(next->process(image, output->frame.stamp_ns), output);
+  next = NextOdometry{prepared.get(), {}};
+  warmUp(next->odometry->process(image, output->frame.stamp_ns), output);
 }
 
 /// other: the output of `next` for the same image. It replaces `current` when it has a map: *output
 /// becomes its output then.
 void SelfCalibratingOdometry::Impl::warmUp(Output other, Output* output) {
   const VoFrame& last = output->frame;
+  auto& [odometry, positions_w] = *next;
   positions_w.emplace(last.stamp_ns, last.T_w_c.translation());
   const bool is_lost =
       last.status != VoStatus::kTracking || other.frame.continuity == Continuity::kNewMap;
@@ -140,14 +145,14 @@ void SelfCalibratingOdometry::Impl::warmUp(Output other, Output* output) {
   const double length = (last.T_w_c.translation() - origin->second).norm();
   const double own_length = other.frame.T_w_c.translation().norm();
   if (!(own_length > 0 && length > 0)) return;
-  next->continueFrom(last, other.frame, length / own_length, first_unused_id);
-  next->report(&other);
+  odometry->continueFrom(last, other.frame, length / own_length, first_unused_id);
+  odometry->report(&other);
   other.times.total = std::max(other.times.total, output->times.total);
   other.frame.continuity = Continuity::kOtherLens;
   *output = std::move(other);
-  current = std::move(next);
+  current = std::move(odometry);
+  next.reset();
   better_lens.reset();
-  refinement.restart();
 }
 
 SelfCalibratingOdometry::SelfCalibratingOdometry(const CameraCalibration& camera,
@@ -162,7 +167,7 @@ SelfCalibratingOdometry::Output SelfCalibratingOdometry::process(const cv::Mat& 
   // At the same time: the latency does not grow.
   std::future<Output> of_next;
   if (s.next) {
-    of_next = std::async(std::launch::async, [&next = *s.next, &image, stamp_ns] {
+    of_next = std::async(std::launch::async, [&next = *s.next->odometry, &image, stamp_ns] {
       return next.process(image, stamp_ns);
     });
   }
@@ -171,17 +176,14 @@ SelfCalibratingOdometry::Output SelfCalibratingOdometry::process(const cv::Mat& 
   for (const TrackedFeature& feature : output.frame.features) {
     s.first_unused_id = std::max(s.first_unused_id, feature.id + 1);
   }
+  if (of_next.valid()) s.warmUp(of_next.get(), &output);
   // A zoomed camera is not the one whose lens is refined; warmUp() ends `next` with its map.
-  const bool is_zoomed = output.frame.zoom != 1;
-  if (!s.better_lens && !is_zoomed) {
+  if (output.frame.zoom != 1) return output;
+  if (!s.better_lens) {
     const Lens& in_use = s.current->lens().lens;
     s.better_lens = s.refinement.add(withDistortedFeatures(output.frame, in_use), in_use);
   }
-  if (of_next.valid()) {
-    s.warmUp(of_next.get(), &output);
-  } else if (s.better_lens && !is_zoomed) {
-    s.startNext(image, &output);
-  }
+  if (s.better_lens && !s.next) s.startNext(image, &output);
   return output;
 }
 

@@ -31,6 +31,7 @@ LensRefinement::LensRefinement(const Lens& given, const Options& options)
 }
 
 std::optional<LensEstimate> LensRefinement::add(const VoFrame& frame, const Lens& in_use) {
+  if (frame.continuity == Continuity::kOtherLens) restart();
   if (frame.continuity >= Continuity::kNewMapSameUnit) R_w_reference_.reset();
   const bool is_full = estimator_.keyframes() > kMaxEstimateKeyframes;
   if (!is_full) estimator_.add(frame);  // else its memory would grow without use
@@ -68,6 +69,7 @@ void LensRefinement::restart() {
   estimator_ = LensEstimator(options_.estimator);
   turned_ = 0;
   next_turn_ = kFirstTurn;
+  R_w_reference_.reset();
 }
 
 /// Whether an estimate starts with this frame.

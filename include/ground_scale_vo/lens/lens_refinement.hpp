@@ -30,7 +30,8 @@ class LensRefinement {
   LensRefinement(const Lens& given, const Options& options);
 
   /// The next frame, with features in pixels of the given images, and the lens with which it was
-  /// made. Returns a better lens when there is one.
+  /// made. Returns a better lens when there is one. With a frame of Continuity::kOtherLens it
+  /// starts anew: the tracks before depend on the lens that was in use.
   std::optional<LensEstimate> add(const VoFrame& frame, const Lens& in_use);
 
   /// How the drive contradicts the given calibration, by the latest estimate, in one sentence;
@@ -39,10 +40,8 @@ class LensRefinement {
   /// The same after the last frame, by all frames with `in_use`: takes as long as an estimate.
   const std::string& finalContradiction(const Lens& in_use);
 
-  /// After the change to another lens: forgets the tracks, which depend on the lens in use.
-  void restart();
-
  private:
+  void restart();
   void addTurn(const VoFrame& frame);
   std::optional<LensEstimator::Result> finished();
   void compare(const LensEstimator::Result& result);
@@ -52,7 +51,7 @@ class LensRefinement {
   LensEstimator estimator_;
   LensEstimate prior_;
   std::string contradiction_;
-  double turned_ = 0, next_turn_ = 0;  ///< rotation since restart(), and at the next estimate [rad]
+  double turned_ = 0, next_turn_ = 0;  ///< rotation of these frames, and at the next estimate [rad]
   std::optional<Eigen::Matrix3d> R_w_reference_;  ///< of the frame at the last step of turned_
   bool is_compared_ = false;                      ///< the drive with the calibration
   std::future<LensEstimator::Result> pending_;

@@ -184,8 +184,7 @@ TEST(VisualOdometry, FollowsTheSyntheticDrive) {
 }
 
 // Neighbouring points have errors in common, which their sigmas do not contain.
-TEST(VisualOdometry, DepthSigmaIsAboutHalfTheErrorOfPointsOnTheRoad) {
-  SyntheticDrive::Options drive_options = straightDrive(45);
+void expectDepthSigmas(SyntheticDrive::Options drive_options) {
   drive_options.shadows = false;
   const SyntheticDrive truth(drive_options);
   const DriveRun result = run(truth);
@@ -207,6 +206,18 @@ TEST(VisualOdometry, DepthSigmaIsAboutHalfTheErrorOfPointsOnTheRoad) {
   const double sigma = 1.48 * median(errors);
   EXPECT_GT(sigma, 1.1);
   EXPECT_LT(sigma, 2.8);
+}
+
+// Straight ahead, and where the camera has turned away from the axes of its map.
+TEST(VisualOdometry, DepthSigmaIsAboutHalfTheErrorOfPointsOnTheRoad) {
+  SyntheticDrive::Options options = straightDrive(45);
+  expectDepthSigmas(options);
+  constexpr double kRadius = 20;  // [m]
+  for (int i = 0; i < options.frames; ++i) {
+    const double heading = 0.9 * i / kRadius;
+    options.path.push_back(kRadius * Eigen::Vector3d(1 - std::cos(heading), 0, std::sin(heading)));
+  }
+  expectDepthSigmas(options);
 }
 
 // At rest, then slow: several images before the parallax suffices.

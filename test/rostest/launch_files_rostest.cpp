@@ -1,6 +1,6 @@
 // two_vehicles.launch: both pairs of nodelets run, each in its own namespace. another_vo.launch:
 // another odometry with pose and map points gets metric poses; VisualOdometry, run and published by
-// this test, stands in for it.
+// this test, stands in for it. ground_truth_relay, which bag.launch starts.
 
 #include <sensor_msgs/PointCloud.h>
 
@@ -121,6 +121,37 @@ TEST(LaunchFiles, AnotherVoGetsMetricPoses) {
     true_length += (ground_truth.at(b.header.stamp) - ground_truth.at(a.header.stamp)).norm();
   }
   EXPECT_NEAR(length / true_length, 1, 0.025);
+}
+
+// A bag whose stamps start again, of which the odometry misses more this time.
+TEST(LaunchFiles, TheGroundTruthOfALoopedBagIsAlignedAnew) {
+  ros::NodeHandle handle("looped");
+  const ros::Publisher tf = handle.advertise<tf2_msgs::TFMessage>("ground_truth/tf", 10);
+  const ros::Publisher estimates = handle.advertise<nav_msgs::Odometry>("odometry", 10);
+  TopicRecorder<nav_msgs::Odometry> aligned(handle, "/looped/ground_truth/odometry");
+  TopicRecorder<nav_msgs::Path> path(handle, "/looped/ground_truth/path");
+  ASSERT_TRUE(waitUntil([&] {
+    return tf.getNumSubscribers() == 1 && estimates.getNumSubscribers() == 1 &&
+           aligned.connected() && path.connected();
+  }));
+  // x of the aligned ground truth, which drives at 10 m/s.
+  const auto alignedAt = [&](double time, double estimated_x) {
+    const Eigen::Isometry3d T_g_c(Eigen::Translation3d(10 * time, 0, 0));
+    const Eigen::Isometry3d T_o_c(Eigen::Translation3d(estimated_x, 0, 0));
+    const ros::Time stamp(time);
+    tf.publish(tfMessage(transformBetween("ground_truth", "ground_truth/camera", T_g_c), stamp));
+    nav_msgs::Odometry estimate;
+    estimate.header = headerAt(stamp, "odom");
+    estimate.child_frame_id = "camera";
+    estimate.pose.pose = toMsg(T_o_c);
+    estimates.publish(estimate);
+    return aligned.waitForStamp(stamp) ? aligned.last()->pose.pose.position.x : NAN;
+  };
+  EXPECT_DOUBLE_EQ(alignedAt(1, 0), 0);
+  EXPECT_DOUBLE_EQ(alignedAt(5, 38), 40);
+  EXPECT_DOUBLE_EQ(alignedAt(2, 0), 0);
+  EXPECT_DOUBLE_EQ(alignedAt(4, 19), 20);
+  EXPECT_TRUE(path.wait([](const auto& paths) { return paths.back()->poses.size() == 2; }));
 }
 
 }  // namespace

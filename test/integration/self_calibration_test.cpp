@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "ground_scale_vo/calibration/lens_calibration.hpp"
 #include "ground_scale_vo/metric_odometry.hpp"
 #include "ground_scale_vo/self_calibrating_odometry.hpp"
 #include "simulation/tools/distortion.hpp"
@@ -222,6 +223,29 @@ TEST_F(SelfCalibration, AZoomEndsThePreparationOfAnotherLens) {
   }
   run();
   EXPECT_TRUE(changes.empty()) << "the lens of a zoomed camera";
+}
+
+// Of two runs with the same images, which differ in their tracks.
+TEST_F(SelfCalibration, TheScatterOfItsRunsIsInTheCovariance) {
+  const SyntheticDrive drive(curves(60));
+  const Distortion distortion(drive.camera(), Lens{drive.camera(), 0.05, -0.01});
+  std::vector<cv::Mat> images;
+  for (std::size_t i = 0; i < drive.size(); ++i) images.push_back(distortion.image(drive.image(i)));
+  const RepeatableDrive repeatable = [&](const ImageVisitor& visit) {
+    for (std::size_t i = 0; i < drive.size(); ++i) visit(images[i], drive.frame(i).stamp_ns);
+  };
+  LensCalibration::Options options;
+  options.max_runs = 3;  // the first one has another lens
+  options.converged_sigmas = 0;
+  const auto result = LensCalibration(options).calibrate({repeatable}, Lens{drive.camera()});
+  ASSERT_EQ(result.status, LensEstimator::Status::kOk);
+  ASSERT_EQ(result.runs, 3);
+  const LensEstimate& last = result.drives.back().estimate;
+  const LensVector from_mean = boxminus(last.lens, result.estimate.lens);
+  EXPECT_GT(from_mean.norm(), 0);
+  const LensMatrix scatter = result.estimate.covariance - last.covariance;
+  const LensMatrix expected = 2 * from_mean * from_mean.transpose();
+  EXPECT_LT((scatter - expected).norm(), 1e-6 * expected.norm());
 }
 
 TEST_F(SelfCalibration, KeepsAnExactLens) {

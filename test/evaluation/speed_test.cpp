@@ -17,7 +17,7 @@ double speedAt(double t) {
 template <typename Speed>
 std::vector<SpeedSample> samples(const Speed& speed, double from, double to, double rate,
                                  double late = 0, double noise = 0, double unit = 1) {
-  std::mt19937 random(static_cast<unsigned>(7 + 1000 * std::abs(late)));
+  std::mt19937_64 random(static_cast<std::uint64_t>(7 + 1000 * std::abs(late)));
   std::normal_distribution<double> error(0, 1);
   std::vector<SpeedSample> result;
   for (int i = 0; from + i / rate <= to; ++i) {

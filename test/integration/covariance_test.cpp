@@ -71,13 +71,14 @@ TEST(Covariance, AgreesWithTheErrorsOfTheLastPositionAndOfTheTwists) {
       run.process(drive.image(k), drive.frame(k).stamp_ns);
       if (follows && run.last().pose()) twists.add(drive, k, *run.last().pose());
     }
+    if (is_reduced) continue;
     // Of the position, in whose direction of motion the error of the scale grows with the path.
     const auto& frames = run.record().frames();
     const auto variance = [&](std::size_t k) {
       return frames[k].covariance.topLeftCorner<3, 3>().trace();
     };
     EXPECT_GT(variance(frames.size() - 1), 1.3 * variance(2 * frames.size() / 3));
-    if (!is_reduced) sum += std::pow(normalisedError(drive, run.record()), 2);
+    sum += std::pow(normalisedError(drive, run.record()), 2);
   }
   if (is_reduced) return;
   const double rms = std::sqrt(sum / static_cast<double>(std::size(kDrives)));

@@ -100,7 +100,8 @@ TEST_F(Shutdown, OfStandaloneNodesAndOfTheWholeLaunch) {
   const std::vector<CommandLine> kPrograms[] = {
       {standalone("MonoVo", "mono_vo"), standalone("ScaleRecovery", "scale_recovery")},
       {{"roslaunch", "ground_scale_vo", "ground_scale_vo.launch", "camera_height:=1.65",
-        "image:=image", "camera_info:=camera_info"}}};
+        "image:=image", "camera_info:=camera_info",
+        "--sigint-timeout=" + std::to_string(15 * kTimeoutFactor)}}};
   for (int round = 0; round < rounds() / 4; ++round) {
     for (const auto& programs : kPrograms) {
       TopicRecorder<VoFrameMsg> frames(handle_, "vo/frame");

@@ -111,6 +111,8 @@ class DerivedDrive {
     size_ = {cvFloor(box_.width * changes.scale), cvFloor(box_.height * changes.scale)};
     box_.width = cvRound(size_.width / changes.scale);  // resized by exactly this scale
     box_.height = cvRound(size_.height / changes.scale);
+    camera_.width = size_.width;
+    camera_.height = size_.height;
     camera_.fx *= changes.scale;
     camera_.fy *= changes.scale;
     camera_.cx = (camera_.cx - box_.x + 0.5) * changes.scale - 0.5;

@@ -31,7 +31,7 @@ inline void writeKittiTables(const std::filesystem::path& folder, const KittiTab
   const PinholeCamera& c = tables.camera;
   std::ostringstream calib, times, ground;
   calib << std::setprecision(17) << "P0: " << c.fx << " 0 " << c.cx << " 0 0 " << c.fy << ' '
-        << c.cy << " 0 0 0 1 0\n";
+        << c.cy << " 0 0 0 1 0\nS0: " << c.width << ' ' << c.height << '\n';
   for (const std::int64_t stamp_ns : tables.stamps_ns) times << formatSeconds(stamp_ns) << '\n';
   ground << std::setprecision(12)
          << "# camera height above the local road plane [m], its unit normal in camera axes "

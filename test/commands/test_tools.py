@@ -155,8 +155,10 @@ def test_turned_drive_as_rendered(data, tmp_path, variant, mounting):
         assert image.size > 0.5 * whole.size and np.corrcoef(image.ravel(), part.ravel())[0, 1] > 0.95
 
 
-def test_derived_drives(shortest, tmp_path):
-    run(tool("derive_drives"), shortest, "half", "crop640", "reverse", "every3", "dark", "--out", tmp_path)
+def test_derived_drives(gsv, shortest, tmp_path):
+    run(tool("derive_drives"), shortest, "half", "crop640", "reverse", "every3", "dark", "pitch20", "--out", tmp_path)
+    pitched = gsv.open_drive(tmp_path / "shortest_pitch20")  # the principal point is far from the centre of the images
+    assert [image.shape for image, _ in pitched] == [(pitched.camera.height, pitched.camera.width)] * len(images_of(shortest))
     given, whole = images_of(shortest), camera_matrix(shortest)
     half, crop, reverse, every3, dark = (
         tmp_path / f"shortest_{name}" for name in ("half", "crop640", "reverse", "every3", "dark"))

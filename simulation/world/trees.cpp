@@ -88,6 +88,7 @@ void castTreeShadow(double s, double u, WorldBuilder& builder) {
 
 void addTreesAndLampPosts(WorldBuilder& builder) {
   std::vector<const Mesh*> kinds;
+  kinds.reserve(kTreeKinds);
   for (int kind = 0; kind < kTreeKinds; ++kind) {
     kinds.push_back(&builder.addMesh(treeMesh(kind, builder)));
   }

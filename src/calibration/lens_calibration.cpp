@@ -129,9 +129,9 @@ LensCalibration::Result LensCalibration::calibrate(const std::vector<RepeatableD
   if (!options_.is_rough) return calibrateFrom(given, drives, mask);
   std::optional<Result> first;
   for (const Lens& start : bestStarts(drives.front(), given, mask)) {
-    const Result result = calibrateFrom(start, drives, mask);
+    Result result = calibrateFrom(start, drives, mask);
     if (result.status == LensEstimator::Status::kOk) return result;
-    if (!first) first = result;
+    if (!first) first = std::move(result);
   }
   return *first;
 }

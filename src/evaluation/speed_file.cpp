@@ -122,7 +122,7 @@ std::vector<SpeedSample> readSpeeds(const fs::path& path, const std::string& uni
                                     bool height_is_given) {
   if (!unit.empty()) speedUnit(unit);
   if (fs::is_directory(path)) return readOxtsSpeeds(path);
-  const std::vector<SpeedSample> speeds = readSpeedTable(path, unit, height_is_given);
+  std::vector<SpeedSample> speeds = readSpeedTable(path, unit, height_is_given);
   requireVehicleSpeeds(speeds, path.string());
   return speeds;
 }
@@ -151,6 +151,7 @@ std::pair<std::vector<SpeedSample>, std::string> readVelocities(const Velocities
 
 void requireVehicleSpeeds(const std::vector<SpeedSample>& speeds, const std::string& name) {
   std::vector<double> magnitudes;
+  magnitudes.reserve(speeds.size());
   for (const SpeedSample& speed : speeds) magnitudes.push_back(std::abs(speed.speed));
   const double largest = *std::max_element(magnitudes.begin(), magnitudes.end());
   if (median(magnitudes) <= kMaxVehicleSpeed) return;

@@ -189,7 +189,7 @@ CameraCalibration ofVins(const CameraYaml& yaml) {
 template <typename Read>
 CameraCalibration valid(const fs::path& file, const Read& read) {
   try {
-    const CameraCalibration camera = read();
+    CameraCalibration camera = read();
     camera.validate();
     return camera;
   } catch (const OptionError& error) {

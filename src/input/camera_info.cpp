@@ -27,8 +27,8 @@ CameraCalibration wholeImage(const CameraInfo& info, const double* matrix, int c
   const auto side = [](std::uint32_t n) {
     return static_cast<int>(std::min(n, kMaxImageSide + 1));
   };
-  const CameraCalibration camera{side(info.width), side(info.height), at(0, 0),
-                                 at(1, 1),         at(0, 2),          at(1, 2)};
+  CameraCalibration camera{side(info.width), side(info.height), at(0, 0),
+                           at(1, 1),         at(0, 2),          at(1, 2)};
   if (camera.width > 0 || camera.height > 0) pinholeOf(camera).validate();
   if (at(0, 1) != 0 || at(1, 0) != 0 || at(2, 0) != 0 || at(2, 1) != 0 || at(2, 2) != 1) {
     throw OptionError(std::string(columns == 4 ? "P" : "K") +

@@ -28,7 +28,7 @@ Eigen::Vector2d tilt(const Eigen::Vector2d& x, double tau_x, double tau_y,
   projection << R(2, 2), 0, -R(0, 2), 0, R(2, 2), -R(1, 2), 0, 0, 1;
   const Eigen::Matrix3d H = projection * R;
   const Eigen::Vector3d p = H * x.homogeneous();
-  const Eigen::Vector2d result = p.hnormalized();
+  Eigen::Vector2d result = p.hnormalized();
   if (jacobian) {
     const Eigen::Matrix2d d_x = H.topLeftCorner<2, 2>() - result * H.bottomLeftCorner<1, 2>();
     *jacobian = (d_x / p.z() * *jacobian).eval();

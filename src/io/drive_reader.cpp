@@ -314,7 +314,7 @@ std::string DriveReader::failure() const {
     return name() + " is damaged: " + std::to_string(damaged->second.images) + of_all +
            " cannot be decoded";
   }
-  if (const std::string error = input_->sourceError(name()); !error.empty()) return error;
+  if (std::string error = input_->sourceError(name()); !error.empty()) return error;
   const std::size_t left_out = read_ - used_;
   if (static_cast<double>(left_out) <= kMaxLeftOut * static_cast<double>(read_)) return {};
   const auto most = std::max_element(

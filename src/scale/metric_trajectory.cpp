@@ -80,7 +80,7 @@ std::optional<MetricPose> MetricTrajectory::append(const VoFrame& frame, Continu
     return std::nullopt;
   }
   const MetricTrajectory before = *this;
-  const std::optional<MetricPose> pose = appendTracked(frame, scale, speeds);
+  std::optional<MetricPose> pose = appendTracked(frame, scale, speeds);
   if (areFinite(last_.T_o_c, last_.distance, last_.covariance, covariance_, last_.twist_c,
                 last_.twist_covariance)) {
     return pose;

@@ -153,7 +153,7 @@ std::string measureBaseline(const Arguments& arguments, const std::vector<Pixels
   const auto drive = gsv::openDrive(arguments.drive);
   const auto nextImage = [&] {
     for (;;) {
-      const cv::Mat image = drive->next().value().grey;
+      cv::Mat image = drive->next().value().grey;
       if (!image.empty()) return image;
     }
   };

@@ -53,6 +53,10 @@ struct Arguments {
   std::string recorded, out, image;
   std::vector<std::size_t> images;
   double camera_height = 0;
+
+  void check() const {
+    if (recorded.empty() && images.empty()) throw gsv::OptionError("--recorded BAG is missing");
+  }
 };
 
 std::string joined(const Names& names, const char* separator) {
@@ -473,12 +477,7 @@ int main(int argc, char** argv) {
        "/kitti/camera_gray_left)")  //
       ("images", gsv::po::value(&arguments.images)->multitoken()->value_name("N..."),
        "only writes the images of the played bag with these numbers, from 0, to DIR/N.png");
-  const auto check = [&] {
-    if (arguments.recorded.empty() && arguments.images.empty()) {
-      throw gsv::OptionError("--recorded BAG is missing");
-    }
-  };
-  return command_line.run(argc, argv, check, [&] {
-    return arguments.images.empty() ? evaluate(arguments) : writeImages(arguments);
-  });
+  return command_line.run(
+      argc, argv, [&] { arguments.check(); },
+      [&] { return arguments.images.empty() ? evaluate(arguments) : writeImages(arguments); });
 }

@@ -354,7 +354,8 @@ std::optional<ReferenceAlignment::Reference> ReferenceAlignment::findReference(
     const LocalMap& map, const Feature& feature, const Eigen::Isometry3d& T_c_w) const {
   const Landmark* const landmark = map.find(feature.id);
   const auto point = landmark ? map.point(*landmark) : std::nullopt;
-  const double depth = point ? (T_c_w * point->p_w).z() : 0;
+  if (!landmark || !point) return std::nullopt;
+  const double depth = (T_c_w * point->p_w).z();
   if (!(depth > 0)) return std::nullopt;
   for (const Observation& o : landmark->observations) {
     const View& view = views_[map.indexOf(o.keyframe)];

@@ -21,6 +21,7 @@ constexpr std::size_t kMaxFrames = 3000;
 
 std::vector<Eigen::Vector2d> pixelsOf(const std::vector<Feature>& features) {
   std::vector<Eigen::Vector2d> pixels;
+  pixels.reserve(features.size());
   for (const Feature& feature : features) pixels.push_back(feature.atStamp());
   return pixels;
 }

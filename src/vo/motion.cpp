@@ -52,6 +52,7 @@ std::vector<double> medianInverseDepths(const PinholeCamera& camera,
     if (in_cell[i].size() >= kMinPointsPerCell) medians[i] = median(&in_cell[i]);
   }
   std::vector<double> result;
+  result.reserve(features.size());
   for (const Feature& feature : features) result.push_back(medians[cellOf(feature.u)]);
   return result;
 }
@@ -131,6 +132,7 @@ std::vector<cv::Point2f> predictPixels(const PinholeCamera& camera, const LocalM
 
 std::vector<cv::Point2f> predictPixelsByFlow(const std::vector<Feature>& features, double dt) {
   std::vector<cv::Point2f> predicted;
+  predicted.reserve(features.size());
   for (const Feature& feature : features) predicted.push_back(toCv(feature.u + dt * feature.flow));
   return predicted;
 }

@@ -76,6 +76,7 @@ std::vector<RejectedFeature> rejectedOf(const std::vector<Feature>& previous,
   std::set_difference(previous.begin(), previous.end(), seen.begin(), seen.end(),
                       std::back_inserter(lost), hasLowerId);
   std::vector<RejectedFeature> rejected;
+  rejected.reserve(lost.size() + outliers.size());
   for (const Feature& feature : lost) rejected.push_back({feature.id, feature.u.cast<float>()});
   for (const Feature& feature : outliers) {
     rejected.push_back({feature.id, feature.u.cast<float>(), true});

@@ -108,11 +108,10 @@ class DerivedDrive {
       box_.width = std::min(changes.width, camera_.width);
       box_.x = (camera_.width - box_.width) / 2;
     }
-    size_ = {cvFloor(box_.width * changes.scale), cvFloor(box_.height * changes.scale)};
-    box_.width = cvRound(size_.width / changes.scale);  // resized by exactly this scale
-    box_.height = cvRound(size_.height / changes.scale);
-    camera_.width = size_.width;
-    camera_.height = size_.height;
+    camera_.width = cvFloor(box_.width * changes.scale);
+    camera_.height = cvFloor(box_.height * changes.scale);
+    box_.width = cvRound(camera_.width / changes.scale);  // resized by exactly this scale
+    box_.height = cvRound(camera_.height / changes.scale);
     camera_.fx *= changes.scale;
     camera_.fy *= changes.scale;
     camera_.cx = (camera_.cx - box_.x + 0.5) * changes.scale - 0.5;
@@ -141,7 +140,9 @@ class DerivedDrive {
     cv::Mat image = sequence_.image(i);
     if (!changes_.rotation_deg.isZero()) image = warped(image, cv::INTER_CUBIC);
     image = image(box_).clone();
-    if (changes_.scale != 1) cv::resize(image, image, size_, 0, 0, cv::INTER_AREA);
+    if (changes_.scale != 1) {
+      cv::resize(image, image, {camera_.width, camera_.height}, 0, 0, cv::INTER_AREA);
+    }
     if (!changes_.dark) return image;
     // Two photons a grey level, so their noise has half the variance of the signal; 3 grey levels
     // of the sensor. The sum of both is one normal distribution.
@@ -187,11 +188,10 @@ class DerivedDrive {
   const gsv::KittiSequence& sequence_;
   const fs::path source_;
   const Changes changes_;
-  gsv::PinholeCamera camera_;
+  gsv::PinholeCamera camera_;  ///< of the new images
   Eigen::Matrix3d R_new_old_;
   cv::Mat homography_;
   cv::Rect box_;                     ///< the part of the (warped) image that is kept
-  cv::Size size_;                    ///< of the new images
   std::vector<std::size_t> frames_;  ///< of the sequence, in the new order
 };
 

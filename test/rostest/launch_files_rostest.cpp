@@ -1,6 +1,6 @@
 // two_vehicles.launch: both pairs of nodelets run, each in its own namespace. another_vo.launch:
 // another odometry with pose and map points gets metric poses; VisualOdometry, run and published by
-// this test, stands in for it. ground_truth_relay, which bag.launch starts.
+// this test, stands in for it. ground_truth_relay, which bag.launch starts, follows a looped bag.
 
 #include <sensor_msgs/PointCloud.h>
 
